@@ -27,10 +27,10 @@
 #include "hlm/client/surroundings.h"
 #include "hlm/common/range.h"
 #include "hlm/protocol/scene_offer.h"
+#include "hlm/protocol/sealing/key_file.h"
+#include "hlm/protocol/sealing/sealed_client_link.h"
+#include "hlm/protocol/transport/udp_socket.h"
 #include "hlm/protocol/wire.h"
-#include "hlm/sealing/key_file.h"
-#include "hlm/sealing/sealed_client_link.h"
-#include "hlm/transport/udp_socket.h"
 
 static_assert(HAPTIC_MAX_DOF == hlm::kMaxDof && HAPTIC_MAX_CONFIGURATION == hlm::kMaxConfiguration);
 static_assert(HAPTIC_MAX_CONTACTS == hlm::kMaxContacts && HAPTIC_MAX_BODIES == hlm::kMaxBodies);

@@ -7,7 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/udp_socket.h"
 
 namespace hlm {
 namespace {

@@ -2,7 +2,7 @@
 
 #include "hlm/client/own_server.h"
 #include "hlm/common/steady_seconds.h"
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/udp_socket.h"
 
 namespace hlm {
 namespace {

@@ -1,13 +1,12 @@
-# A module's headers are reached as "hlm/MODULE/…" by those who link its library, and by nobody else:
-# the build tree has a folder for each module with a link to where its files are.
+# A header is included by its path in the tree, after "hlm/": cmake/include/hlm has a link to each room of
+# the product; those of tests and experiments are included by their path alone.
 
-# hlm_headers(LIBRARY MODULE [PUBLIC_HEADER …]): what is named is installed below include/hlm/MODULE.
-function(hlm_headers library module)
-  set(root ${PROJECT_BINARY_DIR}/include/${module})
-  file(MAKE_DIRECTORY ${root}/hlm)
-  file(CREATE_LINK ${CMAKE_CURRENT_SOURCE_DIR} ${root}/hlm/${module} SYMBOLIC)
+# hlm_headers(LIBRARY [PUBLIC_HEADER …]): what is named is installed.
+function(hlm_headers library)
+  set(root ${PROJECT_SOURCE_DIR}/cmake/include)
   if(ARGN)
-    list(TRANSFORM ARGN PREPEND ${root}/hlm/${module}/ OUTPUT_VARIABLE headers)
+    file(RELATIVE_PATH here ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+    list(TRANSFORM ARGN PREPEND ${root}/hlm/${here}/ OUTPUT_VARIABLE headers)
     target_sources(${library} PUBLIC FILE_SET HEADERS BASE_DIRS ${root} FILES ${headers})
   else()
     target_include_directories(${library} PUBLIC $<BUILD_INTERFACE:${root}>)

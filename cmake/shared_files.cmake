@@ -4,12 +4,12 @@ function(hlm_install_shared_files share)
   if(NOT TARGET haptic_page)
     return()
   endif()
-  set(page ${PROJECT_SOURCE_DIR}/ve_client/page)
+  set(page ${PROJECT_SOURCE_DIR}/page/front)
   install(CODE "
     if(NOT EXISTS \"${page}/node_modules/three\" OR NOT EXISTS \"${page}/node_modules/uplot\")
       message(FATAL_ERROR \"${page}/node_modules lacks three or uplot: run scripts/setup run\")
     endif()")
-  install(DIRECTORY ve_client/page DESTINATION ${share} FILES_MATCHING
+  install(DIRECTORY page/front/ DESTINATION ${share}/page FILES_MATCHING
     PATTERN "node_modules" EXCLUDE
     PATTERN "*.html" PATTERN "*.css" PATTERN "*.js")
   set(modules ${share}/page/node_modules)

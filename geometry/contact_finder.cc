@@ -13,7 +13,7 @@ namespace hlm::geometry {
 namespace {
 
 /// Overlap at an internal edge from which on a narrow tool may be past the adjoining sides, m.
-constexpr double kDeepInSeam = 0.0015;
+constexpr double kDeepInEdge = 0.0015;
 
 /// libccd's last word on pairs that overlap by metres is not worth an allocation.
 constexpr bool kMayAllocate = false;
@@ -100,9 +100,9 @@ class Uncovered final : public OpenSurface {
     if (contact.solid_kind == FeatureKind::kFace) {
       const MeshSolid::Triangle& t = solid.triangles()[contact.solid_feature];
       const Vector3 middle = (solid.corner(t, 0) + solid.corner(t, 1) + solid.corner(t, 2)) / 3;
-      inwards_S = kSeamStep * (contact.p_S - middle).normalized();
+      inwards_S = kEdgeStep * (contact.p_S - middle).normalized();
     } else if (contact.beyond_S.isZero(0)) {
-      inwards_S = kSeamStep * contact.face_S;
+      inwards_S = kEdgeStep * contact.face_S;
     }
     const Pose& X_FS = piece_.X_FG;
     const Vector3 p_F = X_FS * Vector3(contact.p_S - inwards_S);
@@ -364,7 +364,7 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
     add_deep_contacts(pair, search);
   } else if (overlap > 0) {
     if (!search.all_axes) add_on_next_axis(pair, search);
-    lost_ = lost_ || (contacts_.size() == first && overlap > kDeepInSeam);
+    lost_ = lost_ || (contacts_.size() == first && overlap > kDeepInEdge);
   }
 }
 
@@ -408,17 +408,17 @@ void ContactFinder::add_deep_contacts(Pair& pair, const Search& search) {
   const ManifoldPoint lowest = over_plane(other, *pair.own.convex, pair.X_WG, pair.X_WO);
   if (lowest.separation > 0 || lowest.separation < -kSkinDepth) return;
   const Vector3 p_F = other.X_FG * (pair.X_WO.inverse() * lowest.p_WC);
-  if ((within(other, p_F) - p_F).norm() <= kSeamGap) add_on_surface(pair, {lowest});
+  if ((within(other, p_F) - p_F).norm() <= kEdgeGap) add_on_surface(pair, {lowest});
 }
 
 /// Whether a contact is where the tool is, and in what is behind the surface there.
 bool ContactFinder::is_inside(const Pair& pair, const FoundContact& contact) const {
   const Vector3 p_W = contact.p_WC + contact.separation * contact.n_W;
   const Vector3 on_own = pair.own.X_FG * (pair.X_WG.inverse() * p_W);
-  const bool is_own = pair.own.convex->is_ellipsoid() || contains(pair.own, on_own, kSeamGap);
+  const bool is_own = pair.own.convex->is_ellipsoid() || contains(pair.own, on_own, kEdgeGap);
   const Vector3 p_F = pair.other.X_FG * (pair.X_WO.inverse() * p_W);
   return is_own && std::ranges::any_of(pieces_at(pair.other, p_F), [&](const Piece* piece) {
-           return contains(*piece, p_F, kSeamGap);
+           return contains(*piece, p_F, kEdgeGap);
          });
 }
 
@@ -481,8 +481,8 @@ void ContactFinder::add_on_surface(const Pair& pair, const AxesManifold& manifol
   if (!has_room_for(manifold.size())) return;
   const std::size_t first = contacts_.size();
   for (const ManifoldPoint& point : manifold) add_contact(pair.own, pair.other, point);
-  shared_ |=
-      resolve_seams(pieces_, {pair.own, pair.X_WG}, {pair.other, pair.X_WO}, contacts_, first);
+  shared_ |= remove_internal_edges(pieces_, {pair.own, pair.X_WG}, {pair.other, pair.X_WO},
+                                   contacts_, first);
   drop_in_solids(pair, first);
 }
 
@@ -515,7 +515,7 @@ void ContactFinder::add_of_solid(const Piece& own, const Pose& X_WG, const Piece
     const Vector3 on_own = point.p_WC + point.separation * point.n_W;
     const Pose X_FW = own.X_FG * X_WG.inverse();
     const Vector3 own_F = X_FW * on_own;
-    const Vector3 into_own = kSeamStep * (own.bounds_F.center() - own_F).normalized();
+    const Vector3 into_own = kEdgeStep * (own.bounds_F.center() - own_F).normalized();
     if (!is_on_union(around_own, own, own_F + into_own, -(X_FW.R * point.n_W))) continue;
     // A feature of the tool that is over two solids, where one goes on in the other, is over one.
     const auto same = std::ranges::find_if(contacts_, [&](const FoundContact& one) {

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "hlm/geometry/flat_map.h"
+#include "hlm/geometry/internal_edges.h"
 #include "hlm/geometry/manifold.h"
 #include "hlm/geometry/merge.h"
 #include "hlm/geometry/pieces.h"
-#include "hlm/geometry/seams.h"
 #include "hlm/geometry/solid_contacts.h"
 
 namespace hlm::geometry {

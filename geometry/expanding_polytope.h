@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "hlm/geometry/separation.h"
+#include "hlm/geometry/core_separation.h"
 
 namespace hlm::geometry {
 

@@ -29,7 +29,7 @@ bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces
   }
   const bool one_feature = x.key.a_feature == y.key.a_feature ||
                            (x.key.b == y.key.b && x.key.b_feature == y.key.b_feature);
-  return one_feature && (x.p_WC - y.p_WC).norm() <= kSeamGap &&
+  return one_feature && (x.p_WC - y.p_WC).norm() <= kEdgeGap &&
          (x.n_W - y.n_W).norm() <= kSamePlane;
 }
 

@@ -1,7 +1,7 @@
 // The signed distance of cores that touch or overlap: which normal has the largest gap?
 #pragma once
 
-#include "hlm/geometry/separation.h"
+#include "hlm/geometry/core_separation.h"
 
 namespace hlm::geometry {
 

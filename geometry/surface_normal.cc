@@ -13,13 +13,13 @@ namespace {
 
 /// A normal farther than 45° from those of a surface, as a cosine, says nothing of that surface.
 constexpr double kNear = 0.7;
-/// Overlap of the ball that feels sides, m: what makes a step of kSeamStep none.
-constexpr double kBallOverlap = kSeamStep;
-/// Its radius, m: with that overlap it fits into gaps wider than kSeamGap.
-constexpr double kBallRadius = kSeamGap / 2 + kBallOverlap;
+/// Overlap of the ball that feels sides, m: what makes a step of kEdgeStep none.
+constexpr double kBallOverlap = kEdgeStep;
+/// Its radius, m: with that overlap it fits into gaps wider than kEdgeGap.
+constexpr double kBallRadius = kEdgeGap / 2 + kBallOverlap;
 /// How far its foot may be beyond the border of its side, m: then it rests on neighbours that are
 /// a step lower.
-constexpr double kBeyondBorder = kBallRadius - kBallOverlap - kSeamStep;
+constexpr double kBeyondBorder = kBallRadius - kBallOverlap - kEdgeStep;
 /// How far from a point its foot may be, m: a tool may be pressed into a wall by some of it without
 /// losing the floor it stands on.
 constexpr double kFarthest = 3e-4 + kBallRadius;
@@ -47,7 +47,7 @@ bool has(const Normals& normals, const Vector3& n) {
 bool is_hollow(const OpenNormal& a, const OpenNormal& b, const Vector3& p_F) {
   if (a.piece == b.piece) return false;
   const Vector3 way = kHollow * across(b.n, a.n).normalized();
-  return contains(*a.piece, p_F + way, kSeamStep) && !contains(*a.piece, p_F - way, kSeamStep);
+  return contains(*a.piece, p_F + way, kEdgeStep) && !contains(*a.piece, p_F - way, kEdgeStep);
 }
 
 /// How far a point is within the sides of a piece, each moved out by a radius, m; of one that is
@@ -121,13 +121,13 @@ void for_each_side_at(const Piece& piece, const Vector3& p_F, const Use& use) {
   if (piece.mesh != nullptr && piece.rims == 0) {  // Its triangle alone counts: mostly it is not.
     const auto& [n_F, offset] = piece.planes[piece.front];
     const PieceSide front{n_F, n_F.dot(p_F) - offset, piece.front};
-    const bool is_there = front.height >= -kSeamStep && front.height <= kSeamGap;
-    if (is_there && contains(piece, p_F, kSeamGap)) use(front);
+    const bool is_there = front.height >= -kEdgeStep && front.height <= kEdgeGap;
+    if (is_there && contains(piece, p_F, kEdgeGap)) use(front);
     return;
   }
-  if (!contains(piece, p_F, kSeamGap)) return;
-  for (const PieceSide& side : sides_at(piece, p_F, kSeamGap)) {
-    if (side.height >= -kSeamStep && is_surface(piece, side)) use(side);
+  if (!contains(piece, p_F, kEdgeGap)) return;
+  for (const PieceSide& side : sides_at(piece, p_F, kEdgeGap)) {
+    if (side.height >= -kEdgeStep && is_surface(piece, side)) use(side);
   }
 }
 

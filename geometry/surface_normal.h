@@ -1,7 +1,7 @@
 // Which normals has the surface that several pieces make together?
 #pragma once
 
-#include "hlm/geometry/pieces.h"
+#include "hlm/geometry/piece.h"
 
 namespace hlm::geometry {
 

@@ -60,7 +60,7 @@ std::optional<WayOut> cover_of(const Piece& piece, const Vector3& p_F, const For
 
 template <class ForEach>
 bool is_open(const Piece& piece, const Vector3& p_F, const Vector3& n_F, const ForEach& for_each) {
-  const auto cover = cover_of(piece, p_F + kSeamGap * n_F, for_each);
+  const auto cover = cover_of(piece, p_F + kEdgeGap * n_F, for_each);
   if (!cover) return true;
   if (cover->depth > kPressedIn) return false;
   const Vector3 along = across(cover->n_F, n_F);
@@ -71,7 +71,7 @@ bool is_open(const Piece& piece, const Vector3& p_F, const Vector3& n_F, const F
   if (!way_out_of(piece, beside - kUnder * n_F) || way_out_of(piece, beside + kUnder * n_F)) {
     return false;  // The piece ends there.
   }
-  return !cover_of(piece, beside + kSeamGap * n_F, for_each);
+  return !cover_of(piece, beside + kEdgeGap * n_F, for_each);
 }
 
 }  // namespace
@@ -99,7 +99,7 @@ bool is_in_another(const Assembly& assembly, const Piece& piece, bool or_itself,
                    const Vector3& ahead, const auto& has) {
   bool found = false;
   const auto is_near = [&](const BoxTree::Box& box) {
-    return !found && box.exteriorDistance(ahead) <= kSeamGap;
+    return !found && box.exteriorDistance(ahead) <= kEdgeGap;
   };
   assembly.tree.visit(is_near, [&](std::size_t place) {
     const Piece& other = *assembly.pieces[place];
@@ -113,19 +113,19 @@ bool is_in_another(const Assembly& assembly, const Piece& piece, bool or_itself,
 
 bool goes_on(const Assembly& assembly, const Piece& piece, const Vector3& p_F,
              const Vector3& face_F, const Vector3& beyond_F, bool on_rim) noexcept {
-  const Vector3 ahead = p_F + kSeamGap * beyond_F;
-  const Vector3 under = ahead - (kSeamStep + kUnder) * face_F;
+  const Vector3 ahead = p_F + kEdgeGap * beyond_F;
+  const Vector3 under = ahead - (kEdgeStep + kUnder) * face_F;
   return is_in_another(assembly, piece, on_rim, ahead, [&](const Piece& other) {
     if (other.solid == nullptr) return contains(other, under, 0);
     const Pose X_SF = other.X_FG.inverse();
     if (other.solid->is_closed()) return other.solid->contains(X_SF * under);
-    return other.solid->nearest(X_SF * ahead, kSeamGap / 2).has_value();
+    return other.solid->nearest(X_SF * ahead, kEdgeGap / 2).has_value();
   });
 }
 
 bool rises_to(const Assembly& assembly, const Piece& piece, const Vector3& p_F, const Vector3& n_F,
               const Vector3& beyond_F) noexcept {
-  const Vector3 ahead = p_F + kSeamGap * across(beyond_F, n_F).normalized();
+  const Vector3 ahead = p_F + kEdgeGap * across(beyond_F, n_F).normalized();
   const Vector3 under = ahead - kRounding * n_F;
   return is_in_another(assembly, piece, false, ahead, [&](const Piece& other) {
     if (other.solid == nullptr) return contains(other, under, 0);

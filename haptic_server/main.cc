@@ -14,22 +14,22 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
-#include "hlm/device/motor_guard.h"
-#include "hlm/loop/cpu_latency.h"
-#include "hlm/loop/drop_log.h"
-#include "hlm/loop/event_log.h"
-#include "hlm/loop/run_summary.h"
-#include "hlm/loop/status_line.h"
-#include "hlm/loop/tick_log.h"
-#include "hlm/replay/journal.h"
-#include "hlm/sealing/sealed_server_link.h"
-#include "hlm/server/operation.h"
-#include "hlm/server/options.h"
-#include "hlm/server/program.h"
-#include "hlm/server_scene/loader_thread.h"
-#include "hlm/transport/capture.h"
-#include "hlm/transport/recording_link.h"
-#include "hlm/transport/udp_socket.h"
+#include "hlm/haptic_server/device/motor_guard.h"
+#include "hlm/haptic_server/journal.h"
+#include "hlm/haptic_server/loop/cpu_latency.h"
+#include "hlm/haptic_server/operation.h"
+#include "hlm/haptic_server/options.h"
+#include "hlm/haptic_server/program.h"
+#include "hlm/haptic_server/report/drop_log.h"
+#include "hlm/haptic_server/report/event_log.h"
+#include "hlm/haptic_server/report/run_summary.h"
+#include "hlm/haptic_server/report/status_line.h"
+#include "hlm/haptic_server/report/tick_log.h"
+#include "hlm/haptic_server/scene/loader_thread.h"
+#include "hlm/protocol/sealing/sealed_server_link.h"
+#include "hlm/protocol/transport/capture.h"
+#include "hlm/protocol/transport/recording_link.h"
+#include "hlm/protocol/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {
@@ -189,6 +189,87 @@ void print(const std::string& summary) {
   if (!std::cout) throw std::runtime_error("standard output takes no summary");
 }
 
+/// What datagrams go through: the socket, the seal around each if there is a key, and the capture.
+class Wire {
+ public:
+  Wire(const protocol::Endpoint& address, const std::optional<protocol::noise::Key>& key,
+       const std::string& capture)
+      : socket_(address) {
+    if (key) link_ = &sealed_.emplace(*link_, *key);
+    if (capture.empty()) return;
+    link_ = &recording_.emplace(capture, *link_, socket_.local()).link();
+  }
+
+  protocol::DatagramLink& link() { return *link_; }
+  protocol::Endpoint local() const { return socket_.local(); }
+  /// Null: nothing is recorded.
+  protocol::RecordingLink* recording() { return recording_ ? &recording_->link() : nullptr; }
+  /// Writes what is left of the capture. Throws std::runtime_error if not all could be written.
+  void close() {
+    if (recording_) recording_->close();
+  }
+
+ private:
+  protocol::UdpSocket socket_;
+  protocol::DatagramLink* link_ = &socket_;
+  std::optional<protocol::SealedServerLink> sealed_;
+  std::optional<Recording> recording_;
+};
+
+/// All that sees each tick, beside the loop.
+class Reports {
+ public:
+  Reports(const ServerOptions& options, const PeriodicLoop& loop, Operation& operation)
+      : events_([&loop] { return loop.elapsed(); }),
+        drops_([&loop] { return loop.elapsed(); }),
+        operation_(operation),
+        shows_status_(options.status),
+        limits_latency_(options.realtime.policy != RealtimePolicy::kOff) {}
+
+  void observe(const TickRecord& record) {
+    events_.observe(record);
+    drops_.observe(record);
+    if (shows_status_) status_.observe(record);
+    summary_.observe(record);
+    operation_.observe(record);
+    latency_.set(limits_latency_ && renders_force(record.server));
+  }
+  /// The last word; `lost`: ticks that were not seen.
+  void close(std::uint64_t lost) {
+    if (shows_status_) status_.close();
+    if (stop_signal != 0) spdlog::info("stopped by a signal: {}", strsignal(stop_signal));
+    print(summary_.text(lost));
+  }
+
+ private:
+  EventLog events_;
+  DropLog drops_;
+  StatusLine status_{std::cerr, isatty(STDERR_FILENO) != 0};
+  RunSummary summary_;
+  CpuLatencyLimit latency_;
+  Operation& operation_;
+  bool shows_status_;
+  bool limits_latency_;
+};
+
+/// Opens the device and says what is doubtful about it. Lowers stiffness that it does not support.
+std::unique_ptr<Device> open_device(ServerOptions& options) {
+  std::unique_ptr<Device> device = options.physics.device.open(1 / options.physics.servo.rate);
+  check_time_guard(*device, options);
+  if (const auto lowered = suit_to(*device, options.physics)) spdlog::warn("{}", *lowered);
+  for (const std::string& doubt : doubts_about(options.physics, *device)) {
+    spdlog::warn("{}", doubt);
+  }
+  return device;
+}
+
+/// What signals, a parent that ends, and an operator at this machine do. Throws UsageError.
+void listen_to_this_machine(const ServerOptions& options) {
+  handle_signals(request_stop);
+  if (options.parent != 0) end_with(options.parent);
+  handle_operator();
+}
+
 void run_server(ServerOptions& options) {
   configure_logging(options.log_level);
   PeriodicLoopOptions loop_options = options.loop;
@@ -197,69 +278,39 @@ void run_server(ServerOptions& options) {
   // They go last: a large scene that is being made keeps nothing else waiting.
   SceneLoader loader;
   SceneLoaderThread loading(loader);
-  handle_signals(request_stop);
-  if (options.parent != 0) end_with(options.parent);
-  handle_operator();
+  listen_to_this_machine(options);
   const std::optional<protocol::noise::Key> key = read_key_option(options.key_file);
   const protocol::Endpoint address = address_of(options);
   if (!key && !options.insecure) check_is_loopback(options.listen, address);
 
-  const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
-  check_time_guard(*device, options);
-  if (const auto lowered = suit_to(*device, options.physics)) spdlog::warn("{}", *lowered);
-  for (const std::string& doubt : doubts_about(options.physics, *device)) {
-    spdlog::warn("{}", doubt);
-  }
+  const std::unique_ptr<Device> device = open_device(options);
   MotorGuard guard(*device, std::min(kLongestStall, options.physics.servo.max_gap));
-  protocol::UdpSocket socket(address);
-  protocol::DatagramLink* link = &socket;
-  std::optional<protocol::SealedServerLink> sealed;
-  if (key) link = &sealed.emplace(*link, *key);
-  std::optional<Recording> recording;
-  if (!options.record.empty()) {
-    protocol::RecordingLink& recorded =
-        recording.emplace(options.record, *link, socket.local()).link();
-    note_device(recorded, *device);
-    link = &recorded;
-  }
-  protocol::ServerSession session(*link, {});
+  Wire wire(address, key, options.record);
+  if (wire.recording() != nullptr) note_device(*wire.recording(), *device);
+  protocol::ServerSession session(wire.link(), {});
   const auto servo = std::make_unique<Servo>(
       options.physics.servo, fingerprint(options.physics, *device), session, *device, &loader);
 
-  const auto clock = [&loop] { return loop.elapsed(); };
-  EventLog events(clock);
-  DropLog drops(clock);
-  StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
-  RunSummary summary;
-  CpuLatencyLimit latency;
-  Operation operation(options, socket.local(), *device, guard, [] { fault_release = true; });
-  const auto observe = [&](const TickRecord& record) {
-    events.observe(record);
-    drops.observe(record);
-    if (options.status) status.observe(record);
-    summary.observe(record);
-    operation.observe(record);
-    latency.set(options.realtime.policy != RealtimePolicy::kOff && renders_force(record.server));
-  };
-  const auto report = [](const std::string& failure) {
-    spdlog::error("{}; the log ends here, the session goes on", failure);
-  };
-  TickLog log(options.log, static_cast<std::size_t>(TickLog::kRingTime * loop_options.rate),
-              observe, report);
+  Operation operation(options, wire.local(), *device, guard, [] { fault_release = true; });
+  Reports reports(options, loop, operation);
+  TickLog log(
+      options.log, static_cast<std::size_t>(TickLog::kRingTime * loop_options.rate),
+      [&reports](const TickRecord& record) { reports.observe(record); },
+      [](const std::string& failure) {
+        spdlog::error("{}; the log ends here, the session goes on", failure);
+      });
   {
     TickLogThread writer(log);
-    spdlog::info("listening on {}, {} Hz{}", protocol::to_string(socket.local()), loop_options.rate,
+    spdlog::info("listening on {}, {} Hz{}", protocol::to_string(wire.local()), loop_options.rate,
                  key ? ", for clients with the key" : "");
-    if (options.insecure) warn_of_insecurity(socket.local());
+    if (options.insecure) warn_of_insecurity(wire.local());
     prepare_thread(options.realtime);
-    run_loop(loop, *servo, guard, log, recording ? &recording->link() : nullptr, options.duration);
+    run_loop(loop, *servo, guard, log, wire.recording(), options.duration);
   }
   operation.stopping();
   log.drain();
-  if (options.status) status.close();
-  if (stop_signal != 0) spdlog::info("stopped by a signal: {}", strsignal(stop_signal));
-  print(summary.text(log.lost()));
-  if (recording) recording->close();
+  reports.close(log.lost());
+  wire.close();
   log.close();
 }
 

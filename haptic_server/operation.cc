@@ -1,4 +1,4 @@
-#include "hlm/server/operation.h"
+#include "hlm/haptic_server/operation.h"
 
 #include <atomic>
 #include <csignal>
@@ -7,8 +7,8 @@
 
 #include <spdlog/spdlog.h>
 
-#include "hlm/settings/directories.h"
-#include "hlm/transport/udp_socket.h"
+#include "hlm/common/settings/directories.h"
+#include "hlm/protocol/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

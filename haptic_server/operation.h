@@ -5,13 +5,13 @@
 #include <functional>
 #include <memory>
 
-#include "hlm/device/motor_guard.h"
-#include "hlm/loop/flight_recorder.h"
-#include "hlm/loop/operator_socket.h"
-#include "hlm/loop/service_manager.h"
-#include "hlm/loop/state_file.h"
+#include "hlm/haptic_server/device/motor_guard.h"
+#include "hlm/haptic_server/operator_socket.h"
+#include "hlm/haptic_server/options.h"
+#include "hlm/haptic_server/report/flight_recorder.h"
+#include "hlm/haptic_server/report/state_file.h"
+#include "hlm/haptic_server/service_manager.h"
 #include "hlm/protocol/datagram_link.h"
-#include "hlm/server/options.h"
 
 namespace hlm::server {
 

@@ -1,11 +1,11 @@
-#include "hlm/server/options.h"
+#include "hlm/haptic_server/options.h"
 
 #include <cmath>
 
 #include <spdlog/fmt/fmt.h>
 
-#include "hlm/control/stiffness_bound.h"
-#include "hlm/sealing/key_file.h"
+#include "hlm/haptic_server/control/stiffness_bound.h"
+#include "hlm/protocol/sealing/key_file.h"
 
 namespace hlm::server {
 namespace {

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "hlm/device/device_choice.h"
-#include "hlm/loop/periodic_loop.h"
-#include "hlm/loop/realtime.h"
-#include "hlm/loop/servo.h"
-#include "hlm/settings/command_line.h"
+#include "hlm/common/settings/command_line.h"
+#include "hlm/haptic_server/device/device_choice.h"
+#include "hlm/haptic_server/loop/periodic_loop.h"
+#include "hlm/haptic_server/loop/realtime.h"
+#include "hlm/haptic_server/loop/servo.h"
 
 namespace hlm::server {
 

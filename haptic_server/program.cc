@@ -1,4 +1,4 @@
-#include "hlm/server/program.h"
+#include "hlm/haptic_server/program.h"
 
 #include <csignal>
 #include <exception>
@@ -6,8 +6,8 @@
 #include <stdexcept>
 
 #include "hlm/common/one_line.h"
-#include "hlm/sealing/key_file.h"
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/sealing/key_file.h"
+#include "hlm/protocol/transport/udp_socket.h"
 
 namespace hlm::server {
 

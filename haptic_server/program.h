@@ -5,10 +5,10 @@
 #include <optional>
 #include <string>
 
+#include "hlm/common/settings/command_line.h"
+#include "hlm/haptic_server/options.h"
 #include "hlm/protocol/datagram_link.h"
-#include "hlm/sealing/noise.h"
-#include "hlm/server/options.h"
-#include "hlm/settings/command_line.h"
+#include "hlm/protocol/sealing/noise.h"
 
 namespace hlm::server {
 

@@ -11,6 +11,11 @@
 namespace hlm::protocol {
 namespace {
 
+bool is_of_clients(MessageType type) noexcept {
+  return type == MessageType::kHello || type == MessageType::kContactUpdate ||
+         type == MessageType::kControl || type == MessageType::kSceneChunk;
+}
+
 /// A person's act that ends a fault is of now, s. A client that waits for its turn must not end one
 /// that comes later.
 constexpr double kActLasts = 2;
@@ -50,10 +55,7 @@ std::optional<DropReason> ClientSession::take_datagram(double now) {
     const bool other_version = reason == DropReason::kVersion && from_server;
     return other_version && !take_reject() ? std::nullopt : reason;
   }
-  const bool from_a_client =
-      header.type == MessageType::kHello || header.type == MessageType::kContactUpdate ||
-      header.type == MessageType::kControl || header.type == MessageType::kSceneChunk;
-  if (from_a_client) return DropReason::kUnexpected;
+  if (is_of_clients(header.type)) return DropReason::kUnexpected;
   if (!from_server) return DropReason::kForeignSession;
   switch (header.type) {
     case MessageType::kWelcome:

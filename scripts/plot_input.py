@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Of the tick log's columns (haptic_server/loop/tick_columns.h) those that are drawn.
+# Of the tick log's columns (haptic_server/report/tick_columns.h) those that are drawn.
 WORD_COLUMNS = {"server_state"}
 SUBJECTS = ("device", "proxy", "tool")
 NUMBER_COLUMNS = (

@@ -26,7 +26,7 @@ def names_in(file, pattern):
 
 
 def experiments():
-    return names_in("tests/experiments/sweep.cc", r'^    \{"(\w+)", \w+, [\d.]+')
+    return names_in("experiments/sweep.cc", r'^    \{"(\w+)", \w+, [\d.]+')
 
 
 def methods():
@@ -35,7 +35,7 @@ def methods():
 
 def conditions():
     """Of each experiment that takes values of one's own."""
-    return {name: names_in(f"tests/experiments/{file}.cc", r'^  table\.\w+\("([\w-]+)"')
+    return {name: names_in(f"experiments/{file}.cc", r'^  table\.\w+\("([\w-]+)"')
             for name, file in (("limits", "stiffness_limits"), ("bodylimits", "body_limits"), ("ocean", "ocean"))}
 
 
@@ -186,7 +186,7 @@ def build():
 def built():
     subprocess.run([PROJECT / "scripts/setup", "run"], check=True)
     subprocess.run([PROJECT / "scripts/build", "release", "experiments"], check=True)
-    return PROJECT / "build/release/tests/experiments/experiments"
+    return PROJECT / "build/release/experiments/experiments"
 
 
 def main(description, out, replace=False):

@@ -1,11 +1,11 @@
-#include "hlm/settings/command_line.h"
+#include "hlm/common/settings/command_line.h"
 
 #include <iostream>
 #include <list>
 
 #include <CLI/CLI.hpp>
 
-#include "hlm/settings/nearest.h"
+#include "hlm/common/settings/nearest.h"
 
 namespace hlm::settings {
 namespace {

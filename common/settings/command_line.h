@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "hlm/settings/configuration_file.h"
-#include "hlm/settings/table.h"
+#include "hlm/common/settings/configuration_file.h"
+#include "hlm/common/settings/table.h"
 
 namespace hlm::settings {
 

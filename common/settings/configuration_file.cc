@@ -1,4 +1,4 @@
-#include "hlm/settings/configuration_file.h"
+#include "hlm/common/settings/configuration_file.h"
 
 #include <algorithm>
 #include <cerrno>

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "hlm/settings/table.h"
+#include "hlm/common/settings/table.h"
 
 namespace hlm::settings {
 

@@ -1,4 +1,4 @@
-#include "hlm/settings/directories.h"
+#include "hlm/common/settings/directories.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -1,4 +1,4 @@
-#include "hlm/settings/nearest.h"
+#include "hlm/common/settings/nearest.h"
 
 #include <algorithm>
 #include <cstddef>

@@ -1,10 +1,10 @@
-#include "hlm/settings/table.h"
+#include "hlm/common/settings/table.h"
 
 #include <algorithm>
 #include <charconv>
 #include <sstream>
 
-#include "hlm/settings/nearest.h"
+#include "hlm/common/settings/nearest.h"
 
 namespace hlm::settings {
 namespace {

@@ -18,7 +18,7 @@
 
 #include <btBulletDynamicsCommon.h>
 #include <hlm/client/bullet/session.h>
-#include <hlm/transport/udp_socket.h>
+#include <hlm/protocol/transport/udp_socket.h>
 
 namespace {
 

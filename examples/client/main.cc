@@ -13,7 +13,7 @@
 
 #include <hlm/client/haptic_client.h>
 #include <hlm/client/own_server.h>
-#include <hlm/transport/udp_socket.h>
+#include <hlm/protocol/transport/udp_socket.h>
 
 namespace {
 

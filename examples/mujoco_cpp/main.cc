@@ -13,7 +13,7 @@
 #include <thread>
 
 #include <hlm/client/mujoco/session.h>
-#include <hlm/transport/udp_socket.h>
+#include <hlm/protocol/transport/udp_socket.h>
 #include <mujoco/mujoco.h>
 
 namespace {

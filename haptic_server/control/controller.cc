@@ -1,10 +1,8 @@
-#include "hlm/control/controller.h"
+#include "hlm/haptic_server/control/controller.h"
 
 #include <algorithm>
 
 #include <spdlog/fmt/fmt.h>
-
-#include "hlm/control/stiffness_bound.h"
 
 namespace hlm::server {
 namespace {
@@ -98,50 +96,6 @@ std::optional<ToolAtHand> tool_at_hand(const ToolModel& tool, const Pose& X_WH,
 
 std::optional<std::string> find_error(const ControllerGains& gains) {
   return find_error(gains, kGainNumbers);
-}
-
-std::vector<std::string> check_against_device(ControllerKind kind, const ControllerGains& gains,
-                                              const LocalModelParameters& contacts,
-                                              const DeviceRatings& device,
-                                              bool measures_hand_wrench, double period) {
-  std::vector<std::string> doubts;
-  const bool coordinates = traits(kind).couples_translation;
-  if (kind == ControllerKind::kFourChannel && !measures_hand_wrench) {
-    doubts.push_back(
-        "four_channel without the hand's wrench works as three_channel: this device does not "
-        "measure it, and an observer needs its mass, --device-option apparent-mass=KG, and "
-        "observe-hand");
-  }
-  if (coordinates && gains.stiffness > device.max_stiffness) {
-    doubts.push_back(fmt::format("coupling stiffness {} N/m is above the device's rated {} N/m",
-                                 gains.stiffness, device.max_stiffness));
-  }
-  if (traits(kind).couples_rotation && gains.angular_stiffness > device.max_angular_stiffness) {
-    doubts.push_back(
-        fmt::format("angular coupling stiffness {} N·m/rad is above the device's rated {} N·m/rad",
-                    gains.angular_stiffness, device.max_angular_stiffness));
-  }
-  const double lag = lag_of(device, period);
-  if (coordinates && device.mass > 0 && 2 * gains.damping * lag > device.mass) {
-    doubts.push_back(fmt::format(
-        "coupling damping {} N·s/m stops the device's {} kg within {} s, as late as its force is: "
-        "lower it",
-        gains.damping, device.mass, 2 * lag));
-  }
-  // Directly felt, one contact; else the coupling, however stiff the wall behind it.
-  const Impedance coupling = felt_impedance(kind, gains, contacts);
-  const double one = std::min(contacts.stiffness, contacts.max_hand_stiffness);
-  const double felt = coordinates ? coupling.stiffness : one;
-  const double needed =
-      felt * lag + (coordinates ? 0 : contacts.damping * one / contacts.stiffness);
-  const double there = device.damping + (coordinates ? coupling.damping : 0);
-  if (needed > there) {
-    doubts.push_back(fmt::format(
-        "a spring of {:.5g} N/m at {} Hz needs {:.3g} N·s/m of damping to be passive (Colgate), "
-        "device and coupling have {:.3g}: it may buzz, more so with several contacts",
-        felt, 1 / period, needed, there));
-  }
-  return doubts;
 }
 
 }  // namespace hlm::server

@@ -9,8 +9,8 @@
 
 #include "hlm/common/range.h"
 #include "hlm/common/tuning.h"
-#include "hlm/device/device.h"
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/device/device.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 namespace hlm::server {
 
@@ -83,13 +83,5 @@ std::optional<ToolAtHand> tool_at_hand(const ToolModel& tool, const Pose& X_WH,
 
 /// Why gains cannot be used, naming the gain, its value and its range; empty if valid.
 std::optional<std::string> find_error(const ControllerGains& gains);
-
-/// What is doubtful about controller, gains and contacts on this device at this servo period (s):
-/// sentences for a person. Colgate: a wall of stiffness k and damping b is passive on a device of
-/// damping b_device while b_device > kΔt/2 + |b|.
-std::vector<std::string> check_against_device(ControllerKind kind, const ControllerGains& gains,
-                                              const LocalModelParameters& contacts,
-                                              const DeviceRatings& device,
-                                              bool measures_hand_wrench, double period);
 
 }  // namespace hlm::server

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "hlm/control/controller.h"
+#include "hlm/haptic_server/control/controller.h"
 
 namespace hlm::server {
 

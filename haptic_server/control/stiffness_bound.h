@@ -3,8 +3,9 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "hlm/control/controller.h"
+#include "hlm/haptic_server/control/controller.h"
 
 namespace hlm::server {
 
@@ -76,5 +77,13 @@ double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double 
 std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRatings& device,
                                            double period, ControllerGains& gains,
                                            LocalModelParameters& contacts);
+
+/// What is doubtful about controller, gains and contacts on this device at this servo period (s):
+/// sentences for a person. Colgate: a wall of stiffness k and damping b is passive on a device of
+/// damping b_device while b_device > kΔt/2 + |b|.
+std::vector<std::string> check_against_device(ControllerKind kind, const ControllerGains& gains,
+                                              const LocalModelParameters& contacts,
+                                              const DeviceRatings& device,
+                                              bool measures_hand_wrench, double period);
 
 }  // namespace hlm::server

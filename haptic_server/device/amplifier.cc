@@ -1,4 +1,4 @@
-#include "hlm/device/amplifier.h"
+#include "hlm/haptic_server/device/amplifier.h"
 
 #include <cerrno>
 #include <new>

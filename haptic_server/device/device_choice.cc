@@ -1,14 +1,10 @@
-#include "hlm/device/device_choice.h"
+#include "hlm/haptic_server/device/device_choice.h"
 
 #include <fstream>
 #include <iterator>
 
-#include "hlm/device/drivers/diy_driver.h"
-#include "hlm/device/drivers/force_dimension_driver.h"
-#include "hlm/device/drivers/haply_driver.h"
-#include "hlm/device/drivers/open_haptics_driver.h"
-#include "hlm/device/drivers/simulated_driver.h"
-#include "hlm/settings/nearest.h"
+#include "hlm/common/settings/nearest.h"
+#include "hlm/haptic_server/device/simulated_driver.h"
 
 namespace hlm::server {
 namespace {
@@ -51,12 +47,8 @@ std::string text_of(const settings::Table& table) {
 }  // namespace
 
 std::vector<std::unique_ptr<DeviceDriver>> all_drivers() {
-  std::vector<std::unique_ptr<DeviceDriver>> drivers;
-  drivers.push_back(std::make_unique<SimulatedDriver>());
-  drivers.push_back(std::make_unique<ForceDimensionDriver>());
-  drivers.push_back(std::make_unique<OpenHapticsDriver>());
-  drivers.push_back(std::make_unique<HaplyDriver>());
-  drivers.push_back(std::make_unique<DiyDriver>());
+  std::vector<std::unique_ptr<DeviceDriver>> drivers = registered_drivers();
+  drivers.insert(drivers.begin(), std::make_unique<SimulatedDriver>());
   return drivers;
 }
 

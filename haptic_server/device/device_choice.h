@@ -6,12 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "hlm/device/device_driver.h"
-#include "hlm/device/observed_device.h"
-#include "hlm/device/workspace.h"
-#include "hlm/settings/command_line.h"
+#include "hlm/common/settings/command_line.h"
+#include "hlm/haptic_server/device/device_driver.h"
+#include "hlm/haptic_server/device/observed_device.h"
+#include "hlm/haptic_server/device/workspace.h"
 
 namespace hlm::server {
+
+/// The simulated device's first, then registered_drivers().
+std::vector<std::unique_ptr<DeviceDriver>> all_drivers();
 
 /// Reads `driver` first, then the keys of that driver and those of its workspace. Where the command
 /// line names another driver than the file, the file's keys are kept as far as both drivers have

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "hlm/device/device.h"
-#include "hlm/device/device_model.h"
-#include "hlm/settings/table.h"
+#include "hlm/common/settings/table.h"
+#include "hlm/haptic_server/device/device.h"
+#include "hlm/haptic_server/device/device_model.h"
 
 namespace hlm::server {
 
@@ -47,7 +47,29 @@ class DeviceDriver {
   virtual std::unique_ptr<Device> open(double dt) const = 0;
 };
 
-/// All drivers of this program, in the order in which a person reads them.
-std::vector<std::unique_ptr<DeviceDriver>> all_drivers();
+/// A vendor's driver registers itself in the programs that are linked with it: one of these, in its
+/// source, at namespace scope.
+class DriverRegistration {
+ public:
+  using Make = std::unique_ptr<DeviceDriver> (*)();
+  explicit DriverRegistration(Make make) noexcept;
+
+ private:
+  friend std::vector<std::unique_ptr<DeviceDriver>> registered_drivers();
+
+  Make make_;
+  const DriverRegistration* next_;
+};
+
+/// The registration of a driver of this class.
+template <class Driver>
+struct RegistrationOf : DriverRegistration {
+  RegistrationOf() noexcept
+      : DriverRegistration(
+            []() -> std::unique_ptr<DeviceDriver> { return std::make_unique<Driver>(); }) {}
+};
+
+/// Those of vendors that this program is linked with, by name.
+std::vector<std::unique_ptr<DeviceDriver>> registered_drivers();
 
 }  // namespace hlm::server

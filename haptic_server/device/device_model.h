@@ -6,7 +6,7 @@
 #include <span>
 #include <string_view>
 
-#include "hlm/device/device.h"
+#include "hlm/haptic_server/device/device.h"
 
 namespace hlm::server {
 

@@ -1,11 +1,11 @@
-#include "hlm/device/hand.h"
+#include "hlm/haptic_server/device/hand.h"
 
 #include <cassert>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-#include "hlm/device/saturate.h"
+#include "hlm/haptic_server/device/saturate.h"
 
 namespace hlm::server {
 namespace {

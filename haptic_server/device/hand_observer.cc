@@ -1,10 +1,10 @@
-#include "hlm/device/hand_observer.h"
+#include "hlm/haptic_server/device/hand_observer.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "hlm/device/saturate.h"
+#include "hlm/haptic_server/device/saturate.h"
 
 namespace hlm::server {
 namespace {

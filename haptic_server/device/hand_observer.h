@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "hlm/common/spatial.h"
-#include "hlm/device/device.h"
+#include "hlm/haptic_server/device/device.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/device/hand_script.h"
+#include "hlm/haptic_server/device/hand_script.h"
 
 #include <initializer_list>
 #include <sstream>

@@ -17,7 +17,7 @@
 
 #include <string>
 
-#include "hlm/device/hand.h"
+#include "hlm/haptic_server/device/hand.h"
 
 namespace hlm::server {
 

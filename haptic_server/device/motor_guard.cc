@@ -1,4 +1,4 @@
-#include "hlm/device/motor_guard.h"
+#include "hlm/haptic_server/device/motor_guard.h"
 
 #include <algorithm>
 #include <array>

@@ -7,7 +7,7 @@
 #include <pthread.h>
 #include <sys/types.h>
 
-#include "hlm/device/device.h"
+#include "hlm/haptic_server/device/device.h"
 
 namespace hlm::server {
 

@@ -1,8 +1,8 @@
-#include "hlm/device/observed_device.h"
+#include "hlm/haptic_server/device/observed_device.h"
 
 #include <utility>
 
-#include "hlm/device/saturate.h"
+#include "hlm/haptic_server/device/saturate.h"
 
 namespace hlm::server {
 namespace {

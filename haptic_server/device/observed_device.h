@@ -5,9 +5,9 @@
 #include <memory>
 #include <optional>
 
-#include "hlm/device/device.h"
-#include "hlm/device/hand_observer.h"
-#include "hlm/settings/table.h"
+#include "hlm/common/settings/table.h"
+#include "hlm/haptic_server/device/device.h"
+#include "hlm/haptic_server/device/hand_observer.h"
 
 namespace hlm::server {
 

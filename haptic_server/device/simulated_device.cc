@@ -1,4 +1,4 @@
-#include "hlm/device/simulated_device.h"
+#include "hlm/haptic_server/device/simulated_device.h"
 
 #include <cassert>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <numbers>
 #include <utility>
 
-#include "hlm/device/saturate.h"
+#include "hlm/haptic_server/device/saturate.h"
 
 namespace hlm::server {
 namespace {

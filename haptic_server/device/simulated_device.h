@@ -11,9 +11,9 @@
 #include "hlm/common/range.h"
 #include "hlm/common/spatial.h"
 #include "hlm/common/vocabulary.h"
-#include "hlm/device/amplifier.h"
-#include "hlm/device/device.h"
-#include "hlm/device/hand.h"
+#include "hlm/haptic_server/device/amplifier.h"
+#include "hlm/haptic_server/device/device.h"
+#include "hlm/haptic_server/device/hand.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/device/workspace.h"
+#include "hlm/haptic_server/device/workspace.h"
 
 #include <algorithm>
 #include <array>

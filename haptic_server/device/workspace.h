@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "hlm/device/device.h"
-#include "hlm/settings/table.h"
+#include "hlm/common/settings/table.h"
+#include "hlm/haptic_server/device/device.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/local_model/body_friction.h"
+#include "hlm/haptic_server/local_model/body_friction.h"
 
 #include <algorithm>
 #include <optional>

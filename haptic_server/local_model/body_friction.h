@@ -4,8 +4,8 @@
 #pragma once
 
 #include "hlm/common/contact.h"
-#include "hlm/local_model/local_body.h"
-#include "hlm/local_model/local_contact.h"
+#include "hlm/haptic_server/local_model/local_body.h"
+#include "hlm/haptic_server/local_model/local_contact.h"
 
 namespace hlm::server {
 

@@ -10,7 +10,7 @@
 
 #include "hlm/common/spatial.h"
 #include "hlm/common/static_vector.h"
-#include "hlm/local_model/local_body.h"
+#include "hlm/haptic_server/local_model/local_body.h"
 
 namespace hlm::server {
 

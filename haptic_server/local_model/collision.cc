@@ -1,4 +1,4 @@
-#include "hlm/local_model/collision.h"
+#include "hlm/haptic_server/local_model/collision.h"
 
 #include <algorithm>
 

@@ -2,9 +2,9 @@
 // Eqs. 9-11).
 #pragma once
 
-#include "hlm/local_model/frames.h"
-#include "hlm/local_model/local_contact.h"
-#include "hlm/local_model/parameters.h"
+#include "hlm/haptic_server/local_model/frames.h"
+#include "hlm/haptic_server/local_model/local_contact.h"
+#include "hlm/haptic_server/local_model/parameters.h"
 
 namespace hlm::server {
 

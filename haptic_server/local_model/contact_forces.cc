@@ -1,4 +1,4 @@
-#include "hlm/local_model/contact_forces.h"
+#include "hlm/haptic_server/local_model/contact_forces.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include <span>
 
 #include "hlm/common/tool_model.h"
-#include "hlm/local_model/contact_law.h"
+#include "hlm/haptic_server/local_model/contact_law.h"
 
 namespace hlm::server {
 

@@ -5,7 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "hlm/local_model/contact_forces.h"
+#include "hlm/haptic_server/local_model/contact_forces.h"
 
 namespace hlm::server {
 namespace {

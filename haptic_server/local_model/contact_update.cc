@@ -1,4 +1,4 @@
-#include "hlm/local_model/contact_update.h"
+#include "hlm/haptic_server/local_model/contact_update.h"
 
 #include <algorithm>
 #include <cmath>

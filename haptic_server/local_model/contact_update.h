@@ -3,9 +3,9 @@
 
 #include <optional>
 
-#include "hlm/local_model/local_contact.h"
-#include "hlm/local_model/parameters.h"
-#include "hlm/local_model/placed_reports.h"
+#include "hlm/haptic_server/local_model/local_contact.h"
+#include "hlm/haptic_server/local_model/parameters.h"
+#include "hlm/haptic_server/local_model/placed_reports.h"
 
 namespace hlm::server {
 

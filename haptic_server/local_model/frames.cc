@@ -1,4 +1,4 @@
-#include "hlm/local_model/frames.h"
+#include "hlm/haptic_server/local_model/frames.h"
 
 namespace hlm::server {
 

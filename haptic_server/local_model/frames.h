@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "hlm/common/tool_model.h"
-#include "hlm/local_model/local_body.h"
+#include "hlm/haptic_server/local_model/local_body.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/local_model/free_motion.h"
+#include "hlm/haptic_server/local_model/free_motion.h"
 
 #include <cmath>
 

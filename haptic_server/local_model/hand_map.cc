@@ -1,4 +1,4 @@
-#include "hlm/local_model/hand_map.h"
+#include "hlm/haptic_server/local_model/hand_map.h"
 
 #include <algorithm>
 #include <cmath>

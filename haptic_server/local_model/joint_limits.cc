@@ -1,4 +1,4 @@
-#include "hlm/local_model/joint_limits.h"
+#include "hlm/haptic_server/local_model/joint_limits.h"
 
 #include <algorithm>
 

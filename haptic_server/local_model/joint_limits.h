@@ -3,7 +3,7 @@
 #pragma once
 
 #include "hlm/common/tool_model.h"
-#include "hlm/local_model/local_contact.h"
+#include "hlm/haptic_server/local_model/local_contact.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/local_model/local_body.h"
+#include "hlm/haptic_server/local_model/local_body.h"
 
 #include <algorithm>
 #include <cmath>

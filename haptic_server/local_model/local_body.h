@@ -7,7 +7,7 @@
 #include "hlm/common/spatial.h"
 #include "hlm/common/static_vector.h"
 #include "hlm/common/tool_model.h"
-#include "hlm/server_scene/mechanism.h"
+#include "hlm/haptic_server/scene/mechanism.h"
 
 namespace hlm::server {
 

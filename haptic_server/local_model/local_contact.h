@@ -9,7 +9,7 @@
 #include "hlm/common/spatial.h"
 #include "hlm/common/static_vector.h"
 #include "hlm/common/vocabulary.h"
-#include "hlm/local_model/frames.h"
+#include "hlm/haptic_server/local_model/frames.h"
 
 namespace hlm::server {
 

@@ -1,10 +1,10 @@
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "hlm/local_model/collision.h"
-#include "hlm/local_model/free_motion.h"
+#include "hlm/haptic_server/local_model/collision.h"
+#include "hlm/haptic_server/local_model/free_motion.h"
 
 namespace hlm::server {
 namespace {

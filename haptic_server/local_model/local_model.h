@@ -14,17 +14,17 @@
 
 #include "hlm/common/tool_model.h"
 #include "hlm/common/vocabulary.h"
-#include "hlm/local_model/body_impulses.h"
-#include "hlm/local_model/contact_forces.h"
-#include "hlm/local_model/contact_update.h"
-#include "hlm/local_model/hand_map.h"
-#include "hlm/local_model/joint_limits.h"
-#include "hlm/local_model/local_contact.h"
-#include "hlm/local_model/near_body.h"
-#include "hlm/local_model/parameters.h"
-#include "hlm/local_model/scene_contacts.h"
-#include "hlm/local_model/stiffness_limit.h"
-#include "hlm/local_model/wrench_field.h"
+#include "hlm/haptic_server/local_model/body_impulses.h"
+#include "hlm/haptic_server/local_model/contact_forces.h"
+#include "hlm/haptic_server/local_model/contact_update.h"
+#include "hlm/haptic_server/local_model/hand_map.h"
+#include "hlm/haptic_server/local_model/joint_limits.h"
+#include "hlm/haptic_server/local_model/local_contact.h"
+#include "hlm/haptic_server/local_model/near_body.h"
+#include "hlm/haptic_server/local_model/parameters.h"
+#include "hlm/haptic_server/local_model/scene_contacts.h"
+#include "hlm/haptic_server/local_model/stiffness_limit.h"
+#include "hlm/haptic_server/local_model/wrench_field.h"
 
 namespace hlm::server {
 

@@ -1,5 +1,5 @@
 // External wrenches in the step of the local model.
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 namespace hlm::server {
 

@@ -2,7 +2,7 @@
 // (docs/method.md 21).
 #include <algorithm>
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 namespace hlm::server {
 namespace {

@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "hlm/geometry/work.h"
-#include "hlm/local_model/free_motion.h"
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/free_motion.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 namespace hlm::server {
 namespace {

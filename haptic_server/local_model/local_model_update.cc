@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "hlm/geometry/work.h"
-#include "hlm/local_model/body_friction.h"
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/body_friction.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 namespace hlm::server {
 namespace {

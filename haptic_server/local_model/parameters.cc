@@ -1,4 +1,4 @@
-#include "hlm/local_model/parameters.h"
+#include "hlm/haptic_server/local_model/parameters.h"
 
 namespace hlm::server {
 

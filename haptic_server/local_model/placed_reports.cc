@@ -1,4 +1,4 @@
-#include "hlm/local_model/placed_reports.h"
+#include "hlm/haptic_server/local_model/placed_reports.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,8 +5,8 @@
 
 #include "hlm/common/contact.h"
 #include "hlm/common/tool_model.h"
-#include "hlm/local_model/frames.h"
-#include "hlm/local_model/local_contact.h"
+#include "hlm/haptic_server/local_model/frames.h"
+#include "hlm/haptic_server/local_model/local_contact.h"
 
 namespace hlm::server {
 

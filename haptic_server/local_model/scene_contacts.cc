@@ -1,4 +1,4 @@
-#include "hlm/local_model/scene_contacts.h"
+#include "hlm/haptic_server/local_model/scene_contacts.h"
 
 #include <algorithm>
 #include <limits>

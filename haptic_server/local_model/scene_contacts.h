@@ -9,9 +9,9 @@
 #include <cstdint>
 #include <span>
 
-#include "hlm/local_model/contact_forces.h"
-#include "hlm/local_model/contact_update.h"
-#include "hlm/server_scene/scene.h"
+#include "hlm/haptic_server/local_model/contact_forces.h"
+#include "hlm/haptic_server/local_model/contact_update.h"
+#include "hlm/haptic_server/scene/scene.h"
 
 namespace hlm::server {
 

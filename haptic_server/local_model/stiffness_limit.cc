@@ -1,4 +1,4 @@
-#include "hlm/local_model/stiffness_limit.h"
+#include "hlm/haptic_server/local_model/stiffness_limit.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,10 +3,10 @@
 
 #include <Eigen/Cholesky>
 
-#include "hlm/local_model/frames.h"
-#include "hlm/local_model/hand_map.h"
-#include "hlm/local_model/local_contact.h"
-#include "hlm/local_model/parameters.h"
+#include "hlm/haptic_server/local_model/frames.h"
+#include "hlm/haptic_server/local_model/hand_map.h"
+#include "hlm/haptic_server/local_model/local_contact.h"
+#include "hlm/haptic_server/local_model/parameters.h"
 
 namespace hlm::server {
 

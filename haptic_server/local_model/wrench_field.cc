@@ -1,4 +1,4 @@
-#include "hlm/local_model/wrench_field.h"
+#include "hlm/haptic_server/local_model/wrench_field.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "hlm/loop/cpu_latency.h"
+#include "hlm/haptic_server/loop/cpu_latency.h"
 
 #include <cerrno>
 #include <cstdint>

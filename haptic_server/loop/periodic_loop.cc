@@ -1,4 +1,4 @@
-#include "hlm/loop/periodic_loop.h"
+#include "hlm/haptic_server/loop/periodic_loop.h"
 
 #include <algorithm>
 #include <cerrno>

@@ -1,4 +1,4 @@
-#include "hlm/loop/realtime.h"
+#include "hlm/haptic_server/loop/realtime.h"
 
 #include <cerrno>
 #include <cstddef>

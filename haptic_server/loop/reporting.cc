@@ -1,4 +1,4 @@
-#include "hlm/loop/reporting.h"
+#include "hlm/haptic_server/loop/reporting.h"
 
 #include <algorithm>
 #include <cmath>

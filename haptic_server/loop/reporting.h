@@ -3,13 +3,13 @@
 
 #include <cstdint>
 
-#include "hlm/device/device.h"
-#include "hlm/local_model/local_model.h"
-#include "hlm/loop/periodic_loop.h"
-#include "hlm/loop/servo_options.h"
-#include "hlm/loop/tick_record.h"
+#include "hlm/haptic_server/device/device.h"
+#include "hlm/haptic_server/local_model/local_model.h"
+#include "hlm/haptic_server/loop/periodic_loop.h"
+#include "hlm/haptic_server/loop/servo_options.h"
+#include "hlm/haptic_server/report/tick_record.h"
+#include "hlm/haptic_server/safety/state_machine.h"
 #include "hlm/protocol/server_session.h"
-#include "hlm/safety/state_machine.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/loop/servo.h"
+#include "hlm/haptic_server/loop/servo.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,8 @@
 #include <string_view>
 #include <utility>
 
-#include "hlm/control/stiffness_bound.h"
-#include "hlm/loop/reporting.h"
+#include "hlm/haptic_server/control/stiffness_bound.h"
+#include "hlm/haptic_server/loop/reporting.h"
 #include "hlm/protocol/wire.h"
 
 namespace hlm::server {

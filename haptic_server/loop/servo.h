@@ -8,20 +8,20 @@
 #include <cstdint>
 #include <optional>
 
-#include "hlm/control/controller.h"
-#include "hlm/control/engine_view.h"
-#include "hlm/device/device.h"
-#include "hlm/local_model/local_model.h"
-#include "hlm/loop/periodic_loop.h"
-#include "hlm/loop/servo_options.h"
-#include "hlm/loop/telemetry.h"
-#include "hlm/loop/tick_record.h"
+#include "hlm/haptic_server/control/controller.h"
+#include "hlm/haptic_server/control/engine_view.h"
+#include "hlm/haptic_server/device/device.h"
+#include "hlm/haptic_server/local_model/local_model.h"
+#include "hlm/haptic_server/loop/periodic_loop.h"
+#include "hlm/haptic_server/loop/servo_options.h"
+#include "hlm/haptic_server/loop/telemetry.h"
+#include "hlm/haptic_server/report/tick_record.h"
+#include "hlm/haptic_server/safety/energy_account.h"
+#include "hlm/haptic_server/safety/limiter.h"
+#include "hlm/haptic_server/safety/model_energy.h"
+#include "hlm/haptic_server/safety/state_machine.h"
+#include "hlm/haptic_server/scene/source.h"
 #include "hlm/protocol/server_session.h"
-#include "hlm/safety/energy_account.h"
-#include "hlm/safety/limiter.h"
-#include "hlm/safety/model_energy.h"
-#include "hlm/safety/state_machine.h"
-#include "hlm/server_scene/source.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/loop/servo_options.h"
+#include "hlm/haptic_server/loop/servo_options.h"
 
 #include <algorithm>
 

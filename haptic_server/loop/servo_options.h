@@ -7,10 +7,10 @@
 
 #include "hlm/common/range.h"
 #include "hlm/common/tuning.h"
-#include "hlm/control/controller.h"
-#include "hlm/local_model/parameters.h"
-#include "hlm/safety/handle_limits.h"
-#include "hlm/safety/limiter.h"
+#include "hlm/haptic_server/control/controller.h"
+#include "hlm/haptic_server/local_model/parameters.h"
+#include "hlm/haptic_server/safety/handle_limits.h"
+#include "hlm/haptic_server/safety/limiter.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/loop/telemetry.h"
+#include "hlm/haptic_server/loop/telemetry.h"
 
 #include <cmath>
 

@@ -1,8 +1,8 @@
 // Telemetry in the tick: signals in batches, and the local contacts, to a client that asked.
 #pragma once
 
-#include "hlm/local_model/local_model.h"
-#include "hlm/loop/tick_record.h"
+#include "hlm/haptic_server/local_model/local_model.h"
+#include "hlm/haptic_server/report/tick_record.h"
 #include "hlm/protocol/server_session.h"
 
 namespace hlm::server {

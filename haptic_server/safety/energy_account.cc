@@ -1,8 +1,8 @@
-#include "hlm/safety/energy_account.h"
+#include "hlm/haptic_server/safety/energy_account.h"
 
 #include <algorithm>
 
-#include "hlm/safety/model_energy.h"
+#include "hlm/haptic_server/safety/model_energy.h"
 
 namespace hlm::server {
 

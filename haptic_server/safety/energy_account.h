@@ -3,10 +3,10 @@
 
 #include <algorithm>
 
-#include "hlm/device/device.h"
-#include "hlm/local_model/local_model.h"
-#include "hlm/safety/energy_tank.h"
-#include "hlm/safety/hand_work.h"
+#include "hlm/haptic_server/device/device.h"
+#include "hlm/haptic_server/local_model/local_model.h"
+#include "hlm/haptic_server/safety/energy_tank.h"
+#include "hlm/haptic_server/safety/hand_work.h"
 
 namespace hlm::server {
 

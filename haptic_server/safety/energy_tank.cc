@@ -1,4 +1,4 @@
-#include "hlm/safety/energy_tank.h"
+#include "hlm/haptic_server/safety/energy_tank.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hlm/device/device.h"
-#include "hlm/safety/energy_tank.h"
-#include "hlm/safety/limiter_options.h"
+#include "hlm/haptic_server/device/device.h"
+#include "hlm/haptic_server/safety/energy_tank.h"
+#include "hlm/haptic_server/safety/limiter_options.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/safety/hand_work.h"
+#include "hlm/haptic_server/safety/hand_work.h"
 
 namespace hlm::server {
 

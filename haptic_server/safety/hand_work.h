@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "hlm/common/spatial.h"
-#include "hlm/device/device.h"
+#include "hlm/haptic_server/device/device.h"
 
 namespace hlm::server {
 

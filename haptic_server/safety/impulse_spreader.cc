@@ -1,4 +1,4 @@
-#include "hlm/safety/impulse_spreader.h"
+#include "hlm/haptic_server/safety/impulse_spreader.h"
 
 #include <algorithm>
 #include <cmath>

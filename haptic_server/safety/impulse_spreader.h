@@ -2,7 +2,7 @@
 #pragma once
 
 #include "hlm/common/spatial.h"
-#include "hlm/safety/force_budget.h"
+#include "hlm/haptic_server/safety/force_budget.h"
 
 namespace hlm::server {
 

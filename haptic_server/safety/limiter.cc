@@ -1,4 +1,4 @@
-#include "hlm/safety/limiter.h"
+#include "hlm/haptic_server/safety/limiter.h"
 
 #include <algorithm>
 

@@ -5,11 +5,11 @@
 
 #include "hlm/common/spatial.h"
 #include "hlm/common/vocabulary.h"
-#include "hlm/safety/energy_tank.h"
-#include "hlm/safety/force_budget.h"
-#include "hlm/safety/impulse_spreader.h"
-#include "hlm/safety/limiter_options.h"
-#include "hlm/safety/motor_warmth.h"
+#include "hlm/haptic_server/safety/energy_tank.h"
+#include "hlm/haptic_server/safety/force_budget.h"
+#include "hlm/haptic_server/safety/impulse_spreader.h"
+#include "hlm/haptic_server/safety/limiter_options.h"
+#include "hlm/haptic_server/safety/motor_warmth.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/safety/model_energy.h"
+#include "hlm/haptic_server/safety/model_energy.h"
 
 #include <algorithm>
 

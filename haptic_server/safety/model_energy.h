@@ -1,7 +1,7 @@
 // What the environment brings into the local model (docs/method.md 13).
 #pragma once
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/safety/state_machine.h"
+#include "hlm/haptic_server/safety/state_machine.h"
 
 #include <algorithm>
 #include <cstddef>

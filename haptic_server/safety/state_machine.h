@@ -5,7 +5,7 @@
 
 #include "hlm/common/contact.h"
 #include "hlm/common/vocabulary.h"
-#include "hlm/safety/limiter.h"
+#include "hlm/haptic_server/safety/limiter.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "hlm/server_scene/join_boxes.h"
+#include "hlm/haptic_server/scene/join_boxes.h"
 
 #include <algorithm>
 #include <array>

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/server_scene/scene.h"
+#include "hlm/haptic_server/scene/placed_shape.h"
 
 namespace hlm::server {
 

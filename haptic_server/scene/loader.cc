@@ -1,4 +1,4 @@
-#include "hlm/server_scene/loader.h"
+#include "hlm/haptic_server/scene/loader.h"
 
 #include <algorithm>
 #include <cstdio>

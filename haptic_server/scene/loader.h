@@ -11,13 +11,13 @@
 
 #include <boost/lockfree/spsc_queue.hpp>
 
-#include "hlm/common/newest.h"
+#include "hlm/common/latest_value.h"
 #include "hlm/common/tool_description.h"
+#include "hlm/haptic_server/scene/maker.h"
+#include "hlm/haptic_server/scene/scene.h"
+#include "hlm/haptic_server/scene/source.h"
 #include "hlm/protocol/messages.h"
 #include "hlm/protocol/scene_store.h"
-#include "hlm/server_scene/maker.h"
-#include "hlm/server_scene/scene.h"
-#include "hlm/server_scene/source.h"
 
 namespace hlm::server {
 
@@ -99,12 +99,12 @@ class SceneLoader final : public SceneSource {
   geometry::FinderCut left_out_{};  ///< Why, if it never was used.
 
   // Between the two.
-  Newest<Session> begun_;
+  LatestValue<Session> begun_;
   std::atomic<std::uint64_t> begun_number_ = 0;
   boost::lockfree::spsc_queue<Chunk> chunks_;
   std::atomic<Made*> made_ = nullptr;   ///< The next scene.
   std::atomic<Made*> spent_ = nullptr;  ///< One that the loop has given back.
-  Newest<Progress> progress_;
+  LatestValue<Progress> progress_;
 
   // The other thread's.
   Session reading_;

@@ -1,4 +1,4 @@
-#include "hlm/server_scene/loader_thread.h"
+#include "hlm/haptic_server/scene/loader_thread.h"
 
 #include <atomic>
 #include <condition_variable>

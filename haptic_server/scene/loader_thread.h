@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "hlm/server_scene/loader.h"
+#include "hlm/haptic_server/scene/loader.h"
 
 namespace hlm::server {
 

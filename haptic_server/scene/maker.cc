@@ -1,11 +1,11 @@
-#include "hlm/server_scene/maker.h"
+#include "hlm/haptic_server/scene/maker.h"
 
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "hlm/geometry/interruption.h"
-#include "hlm/server_scene/scene_shapes.h"
+#include "hlm/haptic_server/scene/scene_shapes.h"
 
 namespace hlm::server {
 namespace {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "hlm/common/tool_description.h"
+#include "hlm/haptic_server/scene/scene.h"
 #include "hlm/protocol/scene_records.h"
-#include "hlm/server_scene/scene.h"
 
 namespace hlm::server {
 

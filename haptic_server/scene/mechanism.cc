@@ -1,4 +1,4 @@
-#include "hlm/server_scene/mechanism.h"
+#include "hlm/haptic_server/scene/mechanism.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,12 +1,12 @@
-#include "hlm/server_scene/scene.h"
+#include "hlm/haptic_server/scene/scene.h"
 
 #include <algorithm>
 #include <stdexcept>
 #include <string>
 
 #include "hlm/geometry/work.h"
-#include "hlm/server_scene/join_boxes.h"
-#include "hlm/server_scene/thin_out.h"
+#include "hlm/haptic_server/scene/join_boxes.h"
+#include "hlm/haptic_server/scene/thin_out.h"
 
 namespace hlm::server {
 namespace {

@@ -15,20 +15,10 @@
 #include "hlm/common/tool_description.h"
 #include "hlm/geometry/contact_finder.h"
 #include "hlm/geometry/select.h"
-#include "hlm/geometry/shape_parts.h"
-#include "hlm/server_scene/mechanism.h"
+#include "hlm/haptic_server/scene/mechanism.h"
+#include "hlm/haptic_server/scene/placed_shape.h"
 
 namespace hlm::server {
-
-/// A shape where it belongs: in the world, or on a link of the tool or a body.
-struct PlacedShape {
-  std::shared_ptr<const geometry::ShapeParts> shape;
-  ContactSide side;
-  Pose X_BS;                        ///< In the frame of its link or body, or in the world.
-  Friction friction = {};           ///< Of its material; if it does not say, the local model's.
-  std::uint32_t group = 1;          ///< Two shapes may touch if a bit of one's group is in the
-  std::uint32_t mask = 0xffffffff;  ///< other's mask. Those of one side never do.
-};
 
 /// Throws std::invalid_argument with one line if the shape cannot be where it is said to be.
 void require_place(const PlacedShape& shape, const ToolDescription& tool);

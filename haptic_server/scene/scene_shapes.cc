@@ -1,4 +1,4 @@
-#include "hlm/server_scene/scene_shapes.h"
+#include "hlm/haptic_server/scene/scene_shapes.h"
 
 #include <cstdlib>
 

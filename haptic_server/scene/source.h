@@ -6,8 +6,8 @@
 #include <span>
 
 #include "hlm/common/tool_description.h"
+#include "hlm/haptic_server/scene/scene.h"
 #include "hlm/protocol/messages.h"
-#include "hlm/server_scene/scene.h"
 
 namespace hlm::server {
 

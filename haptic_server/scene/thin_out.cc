@@ -1,4 +1,4 @@
-#include "hlm/server_scene/thin_out.h"
+#include "hlm/haptic_server/scene/thin_out.h"
 
 #include <algorithm>
 #include <cstdint>

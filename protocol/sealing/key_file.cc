@@ -1,4 +1,4 @@
-#include "hlm/sealing/key_file.h"
+#include "hlm/protocol/sealing/key_file.h"
 
 #include <array>
 #include <cerrno>

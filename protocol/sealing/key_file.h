@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "hlm/sealing/noise.h"
+#include "hlm/protocol/sealing/noise.h"
 
 namespace hlm::protocol {
 

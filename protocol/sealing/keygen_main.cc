@@ -2,8 +2,8 @@
 #include <iostream>
 #include <stdexcept>
 
-#include "hlm/sealing/key_file.h"
-#include "hlm/settings/command_line.h"
+#include "hlm/common/settings/command_line.h"
+#include "hlm/protocol/sealing/key_file.h"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "hlm/sealing/noise.h"
+#include "hlm/protocol/sealing/noise.h"
 
 #include <algorithm>
 #include <cassert>

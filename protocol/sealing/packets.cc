@@ -1,4 +1,4 @@
-#include "hlm/sealing/packets.h"
+#include "hlm/protocol/sealing/packets.h"
 
 #include <algorithm>
 #include <cassert>

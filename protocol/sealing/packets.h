@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "hlm/protocol/datagram_link.h"
-#include "hlm/sealing/noise.h"
+#include "hlm/protocol/sealing/noise.h"
 
 namespace hlm::protocol {
 

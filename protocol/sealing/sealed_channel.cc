@@ -1,4 +1,4 @@
-#include "hlm/sealing/sealed_channel.h"
+#include "hlm/protocol/sealing/sealed_channel.h"
 
 namespace hlm::protocol {
 

@@ -5,9 +5,9 @@
 #include <optional>
 #include <span>
 
-#include "hlm/sealing/noise.h"
-#include "hlm/sealing/packets.h"
-#include "hlm/sealing/replay_window.h"
+#include "hlm/protocol/sealing/noise.h"
+#include "hlm/protocol/sealing/packets.h"
+#include "hlm/protocol/sealing/replay_window.h"
 
 namespace hlm::protocol {
 

@@ -1,4 +1,4 @@
-#include "hlm/sealing/sealed_client_link.h"
+#include "hlm/protocol/sealing/sealed_client_link.h"
 
 #include <utility>
 

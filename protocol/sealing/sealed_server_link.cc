@@ -1,4 +1,4 @@
-#include "hlm/sealing/sealed_server_link.h"
+#include "hlm/protocol/sealing/sealed_server_link.h"
 
 #include <algorithm>
 #include <utility>

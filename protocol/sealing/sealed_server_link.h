@@ -10,10 +10,10 @@
 
 #include "hlm/common/steady_seconds.h"
 #include "hlm/protocol/datagram_link.h"
-#include "hlm/sealing/noise.h"
-#include "hlm/sealing/packets.h"
-#include "hlm/sealing/sealed_channel.h"
-#include "hlm/sealing/token_bucket.h"
+#include "hlm/protocol/sealing/noise.h"
+#include "hlm/protocol/sealing/packets.h"
+#include "hlm/protocol/sealing/sealed_channel.h"
+#include "hlm/protocol/sealing/token_bucket.h"
 
 namespace hlm::protocol {
 

@@ -1,4 +1,4 @@
-#include "hlm/transport/capture.h"
+#include "hlm/protocol/transport/capture.h"
 
 #include <array>
 #include <cassert>
@@ -8,7 +8,7 @@
 
 #include <pcap/pcap.h>
 
-#include "hlm/transport/ip_packet.h"
+#include "hlm/protocol/transport/ip_packet.h"
 
 namespace hlm::protocol {
 namespace {

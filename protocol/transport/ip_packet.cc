@@ -1,4 +1,4 @@
-#include "hlm/transport/ip_packet.h"
+#include "hlm/protocol/transport/ip_packet.h"
 
 #include <algorithm>
 #include <cassert>

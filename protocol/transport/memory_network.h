@@ -12,7 +12,7 @@
 
 #include "hlm/common/uniform.h"
 #include "hlm/protocol/datagram_link.h"
-#include "hlm/transport/datagram_queue.h"
+#include "hlm/protocol/transport/datagram_queue.h"
 
 namespace hlm::protocol {
 

@@ -1,4 +1,4 @@
-#include "hlm/transport/recording_link.h"
+#include "hlm/protocol/transport/recording_link.h"
 
 #include <ctime>
 #include <utility>

@@ -9,7 +9,7 @@
 #include <boost/lockfree/spsc_queue.hpp>
 
 #include "hlm/protocol/datagram_link.h"
-#include "hlm/transport/capture.h"
+#include "hlm/protocol/transport/capture.h"
 
 namespace hlm::protocol {
 

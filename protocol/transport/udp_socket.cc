@@ -1,5 +1,5 @@
 // The one file that touches Boost.Asio. Boost 1.74 needs <utility> before it in C++20.
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/udp_socket.h"
 
 #include <array>
 #include <cerrno>

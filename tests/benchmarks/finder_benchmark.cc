@@ -16,8 +16,8 @@
 
 #include "hlm/geometry/contact_finder.h"
 #include "hlm/geometry/mesh_pieces.h"
-#include "hlm/scene/scene.h"
-#include "hlm/ve/frame.h"
+#include "hlm/ve_client/run/frame.h"
+#include "hlm/ve_client/scene/scene.h"
 #include "tests/support/near_touch.h"
 
 namespace hlm::test {

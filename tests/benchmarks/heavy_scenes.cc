@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/heap.h"
 #include "tests/support/random_tool.h"
 

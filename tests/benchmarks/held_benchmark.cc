@@ -9,7 +9,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 namespace hlm::server {
 namespace {

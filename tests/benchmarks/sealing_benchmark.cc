@@ -8,12 +8,12 @@
 
 #include <benchmark/benchmark.h>
 
-#include "hlm/device/simulated_device.h"
-#include "hlm/loop/servo.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/haptic_server/loop/servo.h"
 #include "hlm/protocol/client_session.h"
-#include "hlm/sealing/sealed_client_link.h"
-#include "hlm/sealing/sealed_server_link.h"
-#include "hlm/transport/memory_network.h"
+#include "hlm/protocol/sealing/sealed_client_link.h"
+#include "hlm/protocol/sealing/sealed_server_link.h"
+#include "hlm/protocol/transport/memory_network.h"
 
 namespace hlm::server {
 namespace {

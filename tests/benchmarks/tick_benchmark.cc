@@ -4,9 +4,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "hlm/control/controller.h"
-#include "hlm/local_model/local_model.h"
-#include "hlm/safety/limiter.h"
+#include "hlm/haptic_server/control/controller.h"
+#include "hlm/haptic_server/local_model/local_model.h"
+#include "hlm/haptic_server/safety/limiter.h"
 
 namespace hlm::server {
 namespace {

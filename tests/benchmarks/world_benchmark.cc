@@ -5,8 +5,8 @@
 
 #include <benchmark/benchmark.h>
 
-#include "hlm/scene/scene.h"
-#include "hlm/ve/frame.h"
+#include "hlm/ve_client/run/frame.h"
+#include "hlm/ve_client/scene/scene.h"
 
 namespace hlm::ve {
 namespace {

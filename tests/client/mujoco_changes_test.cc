@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include "hlm/client/mujoco/session.h"
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/udp_socket.h"
 #include "tests/support/catch.h"
 
 namespace hlm::mujoco {

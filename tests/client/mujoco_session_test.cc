@@ -6,7 +6,7 @@
 #include <mujoco/mujoco.h>
 
 #include "examples/mujoco_cpp/pre_step.h"
-#include "hlm/virtual/virtual_server.h"
+#include "hlm/tools/virtual/virtual_server.h"
 #include "tests/support/catch.h"
 
 namespace hlm::test {

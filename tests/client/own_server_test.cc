@@ -7,7 +7,7 @@
 
 #include "hlm/client/haptic_client.h"
 #include "hlm/common/steady_seconds.h"
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/udp_socket.h"
 #include "tests/support/catch.h"
 #include "tests/system/process.h"
 

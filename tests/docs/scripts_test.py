@@ -78,7 +78,7 @@ def check_names():
     sys.path.insert(0, str(ROOT / "scripts"))
     import sweeps
     for name, listed, file, pattern in (
-            ("experiments", sweeps.experiments(), "tests/experiments/experiments.h", r"^void \w+\(Bench& bench\);"),
+            ("experiments", sweeps.experiments(), "experiments/experiments.h", r"^void \w+\(Bench& bench\);"),
             ("methods", sweeps.methods(), "common/methods.h", r"\.name =")):
         there = re.findall(pattern, (ROOT / file).read_text(), re.M)
         if len(set(listed)) != len(there):

@@ -1,7 +1,7 @@
 // Capture files: the datagrams in them, the sessions that these make, and their replay.
-#include "hlm/device/simulated_device.h"
-#include "hlm/replay/offline_replay.h"
-#include "hlm/transport/capture.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/protocol/transport/capture.h"
+#include "hlm/tools/replay/offline_replay.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace hlm::fuzz {

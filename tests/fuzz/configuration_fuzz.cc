@@ -3,8 +3,8 @@
 #include <sstream>
 #include <string>
 
-#include "hlm/server/options.h"
-#include "hlm/ve/settings.h"
+#include "hlm/haptic_server/options.h"
+#include "hlm/ve_client/run/settings.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace hlm::fuzz {

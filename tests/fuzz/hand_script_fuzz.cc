@@ -1,6 +1,6 @@
 // Hand scripts, and the motion of the simulated device under them.
-#include "hlm/device/hand_script.h"
-#include "hlm/device/simulated_device.h"
+#include "hlm/haptic_server/device/hand_script.h"
+#include "hlm/haptic_server/device/simulated_device.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace hlm::fuzz {

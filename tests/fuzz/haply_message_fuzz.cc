@@ -2,7 +2,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "hlm/device/haply_messages.h"
+#include "hlm/devices/haply_messages.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace hlm::fuzz {

@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "hlm/device/simulated_device.h"
-#include "hlm/loop/servo.h"
-#include "hlm/server/options.h"
-#include "hlm/transport/capture.h"
-#include "hlm/transport/ip_packet.h"
-#include "hlm/ve/settings.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/haptic_server/loop/servo.h"
+#include "hlm/haptic_server/options.h"
+#include "hlm/protocol/transport/capture.h"
+#include "hlm/protocol/transport/ip_packet.h"
+#include "hlm/ve_client/run/settings.h"
 #include "tests/fuzz/deliveries.h"
 #include "tests/fuzz/wire_actions.h"
 #include "tests/protocol/queue_link.h"

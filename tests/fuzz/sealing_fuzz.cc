@@ -7,8 +7,8 @@
 #include <deque>
 #include <optional>
 
-#include "hlm/sealing/sealed_client_link.h"
-#include "hlm/sealing/sealed_server_link.h"
+#include "hlm/protocol/sealing/sealed_client_link.h"
+#include "hlm/protocol/sealing/sealed_server_link.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/wire_actions.h"
 #include "tests/protocol/queue_link.h"

@@ -2,8 +2,8 @@
 // a client, or somebody else, may send.
 #include <memory>
 
-#include "hlm/device/simulated_device.h"
-#include "hlm/loop/servo.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/haptic_server/loop/servo.h"
 #include "tests/fuzz/deliveries.h"
 #include "tests/fuzz/promises.h"
 #include "tests/protocol/queue_link.h"

@@ -1,5 +1,5 @@
 // The server's options, its choice of a device, and what a replay must share with a recording.
-#include "hlm/server/options.h"
+#include "hlm/haptic_server/options.h"
 
 #include <filesystem>
 #include <fstream>
@@ -8,7 +8,7 @@
 
 #include <unistd.h>
 
-#include "hlm/server/program.h"
+#include "hlm/haptic_server/program.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {
@@ -107,7 +107,7 @@ TEST_CASE("A key that the device does not have brings the nearest one, with file
              ContainsSubstring("delay 65 ticks must be 0 to 64 ticks"));
   CHECK_THAT(error_of({"--device", "omega"}),
              ContainsSubstring("--device omega must be one of simulated, forcedimension, "
-                               "openhaptics, haply, haply2diy, list"));
+                               "haply, haply2diy, openhaptics, list"));
   const File other("[device]\ndriver = \"omega\"\n");
   CHECK_THAT(error_of({"--config", other.path()}), ContainsSubstring(":2: driver omega must be"));
 }

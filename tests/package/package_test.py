@@ -25,8 +25,8 @@ NEEDED = {"Boost", "Eigen3", "Threads"}
 # Parts of the paths of headers that the client library must not need.
 FOREIGN = ("/spdlog/", "/CLI/", "/toml++/", "/ode/", "/ccd/", "/sdformat", "/nlohmann/", "/pcap")
 PATIENCE = 20  # s
-USES_SEALING = """#include <hlm/sealing/key_file.h>
-#include <hlm/sealing/sealed_client_link.h>
+USES_SEALING = """#include <hlm/protocol/sealing/key_file.h>
+#include <hlm/protocol/sealing/sealed_client_link.h>
 void seal(hlm::protocol::DatagramLink& socket, const hlm::protocol::Endpoint& server) {
   hlm::protocol::SealedClientLink link(socket, server, hlm::protocol::read_key("haptic.key"));
   link.forget(server);

@@ -9,7 +9,7 @@
 
 #include "hlm/protocol/codec.h"
 #include "hlm/protocol/layout.h"
-#include "hlm/transport/capture.h"
+#include "hlm/protocol/transport/capture.h"
 #include "tests/protocol/expected_fields.h"
 #include "tests/protocol/tshark.h"
 #include "tests/support/catch.h"

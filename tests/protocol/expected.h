@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "hlm/protocol/messages.h"
+#include "hlm/protocol/sealing/packets.h"
 #include "hlm/protocol/wire.h"
-#include "hlm/sealing/packets.h"
 #include "tests/protocol/tshark.h"
 #include "tests/support/catch.h"
 

@@ -8,7 +8,7 @@
 
 #include "hlm/protocol/client_session.h"
 #include "hlm/protocol/server_session.h"
-#include "hlm/transport/memory_network.h"
+#include "hlm/protocol/transport/memory_network.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"

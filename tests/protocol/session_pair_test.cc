@@ -6,8 +6,8 @@
 
 #include "hlm/protocol/client_session.h"
 #include "hlm/protocol/server_session.h"
-#include "hlm/transport/memory_network.h"
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/memory_network.h"
+#include "hlm/protocol/transport/udp_socket.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
 

@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "hlm/local_model/local_model.h"
-#include "hlm/server_scene/scene.h"
+#include "hlm/haptic_server/local_model/local_model.h"
+#include "hlm/haptic_server/scene/scene.h"
 #include "tests/support/random.h"
 
 namespace hlm::test {

@@ -3,7 +3,7 @@
 
 #include <Eigen/QR>
 
-#include "hlm/local_model/collision.h"
+#include "hlm/haptic_server/local_model/collision.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"
 

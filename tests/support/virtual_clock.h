@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "hlm/ve/clock.h"
+#include "hlm/ve_client/run/clock.h"
 
 namespace hlm::test {
 

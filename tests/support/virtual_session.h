@@ -12,16 +12,16 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/device/observed_device.h"
-#include "hlm/device/simulated_device.h"
-#include "hlm/loop/servo.h"
+#include "hlm/haptic_server/device/observed_device.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/haptic_server/journal.h"
+#include "hlm/haptic_server/loop/servo.h"
+#include "hlm/haptic_server/scene/loader.h"
 #include "hlm/protocol/server_session.h"
-#include "hlm/replay/journal.h"
-#include "hlm/server_scene/loader.h"
-#include "hlm/transport/memory_network.h"
-#include "hlm/transport/recording_link.h"
-#include "hlm/ve/frame.h"
-#include "hlm/world/scene_shapes.h"
+#include "hlm/protocol/transport/memory_network.h"
+#include "hlm/protocol/transport/recording_link.h"
+#include "hlm/ve_client/run/frame.h"
+#include "hlm/ve_client/world/scene_shapes.h"
 #include "tests/support/virtual_clock.h"
 #include "tests/support/worlds.h"
 

@@ -6,7 +6,7 @@
 #include <mutex>
 #include <string>
 
-#include "hlm/scene/sdf_loader.h"
+#include "hlm/ve_client/scene/sdf_loader.h"
 
 namespace hlm::test {
 

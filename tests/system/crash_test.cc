@@ -13,7 +13,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "hlm/device/amplifier.h"
+#include "hlm/haptic_server/device/amplifier.h"
 #include "tests/support/catch.h"
 #include "tests/system/session.h"
 

@@ -17,7 +17,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/udp_socket.h"
 #include "tests/support/catch.h"
 #include "tests/system/process.h"
 #include "tests/system/session.h"

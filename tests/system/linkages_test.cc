@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <string>
 
-#include "hlm/device/hand_script.h"
+#include "hlm/haptic_server/device/hand_script.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hlm/control/stiffness_bound.h"
-#include "hlm/device/hand_script.h"
+#include "hlm/haptic_server/control/stiffness_bound.h"
+#include "hlm/haptic_server/device/hand_script.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
 

@@ -6,9 +6,9 @@
 
 #include <unistd.h>
 
+#include "tests/page/page_client.h"
 #include "tests/support/catch.h"
 #include "tests/system/process.h"
-#include "tests/ve_client/web/page_client.h"
 
 namespace hlm::test {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "hlm/device/hand_script.h"
+#include "hlm/haptic_server/device/hand_script.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
 

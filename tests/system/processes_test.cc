@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "hlm/protocol/codec.h"
-#include "hlm/transport/capture.h"
+#include "hlm/protocol/transport/capture.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/system/process.h"

@@ -1,7 +1,7 @@
 // The flight recorder of the real server.
 #include <csignal>
 
-#include "hlm/settings/directories.h"
+#include "hlm/common/settings/directories.h"
 #include "tests/support/catch.h"
 #include "tests/system/session.h"
 

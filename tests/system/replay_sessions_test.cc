@@ -12,11 +12,11 @@
 
 #include <unistd.h>
 
-#include "hlm/loop/periodic_loop.h"
-#include "hlm/replay/live_replay.h"
-#include "hlm/replay/offline_replay.h"
-#include "hlm/server_scene/loader_thread.h"
-#include "hlm/transport/udp_socket.h"
+#include "hlm/haptic_server/loop/periodic_loop.h"
+#include "hlm/haptic_server/scene/loader_thread.h"
+#include "hlm/protocol/transport/udp_socket.h"
+#include "hlm/tools/replay/live_replay.h"
+#include "hlm/tools/replay/offline_replay.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/virtual_session.h"

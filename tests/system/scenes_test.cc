@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "hlm/scene/scene.h"
+#include "hlm/ve_client/scene/scene.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
 

@@ -8,8 +8,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "hlm/device/hand_script.h"
-#include "hlm/scene/scene.h"
+#include "hlm/haptic_server/device/hand_script.h"
+#include "hlm/ve_client/scene/scene.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
 

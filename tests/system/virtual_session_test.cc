@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <limits>
 
-#include "hlm/device/hand_script.h"
-#include "hlm/replay/offline_replay.h"
-#include "hlm/replay/recorded_session.h"
+#include "hlm/haptic_server/device/hand_script.h"
+#include "hlm/tools/replay/offline_replay.h"
+#include "hlm/tools/replay/recorded_session.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"

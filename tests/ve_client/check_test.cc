@@ -1,5 +1,5 @@
 // ve_client --check: what it says of a world, and whether that can be used.
-#include "hlm/ve/check.h"
+#include "hlm/ve_client/run/check.h"
 
 #include <algorithm>
 #include <filesystem>

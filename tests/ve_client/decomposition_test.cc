@@ -8,8 +8,8 @@
 
 #include <unistd.h>
 
-#include "hlm/scene/convex_decomposition.h"
-#include "hlm/scene/kept_pieces.h"
+#include "hlm/ve_client/scene/convex_decomposition.h"
+#include "hlm/ve_client/scene/kept_pieces.h"
 #include "tests/support/catch.h"
 
 namespace hlm::ve {

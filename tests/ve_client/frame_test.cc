@@ -1,5 +1,5 @@
 // The client's frame, on a virtual clock and a network in memory.
-#include "hlm/ve/frame.h"
+#include "hlm/ve_client/run/frame.h"
 
 #include <algorithm>
 #include <bit>
@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "hlm/protocol/server_session.h"
-#include "hlm/transport/memory_network.h"
+#include "hlm/protocol/transport/memory_network.h"
 #include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_clock.h"

@@ -1,5 +1,5 @@
 // Heightmaps: where their heights are, what is felt of them, and which cannot be used.
-#include "hlm/scene/heightmap.h"
+#include "hlm/ve_client/scene/heightmap.h"
 
 #include <filesystem>
 #include <fstream>
@@ -8,8 +8,8 @@
 
 #include <unistd.h>
 
-#include "hlm/scene/sdf_loader.h"
-#include "hlm/world/proximity.h"
+#include "hlm/ve_client/scene/sdf_loader.h"
+#include "hlm/ve_client/world/proximity.h"
 #include "tests/support/catch.h"
 #include "tests/support/png.h"
 #include "tests/support/random.h"

@@ -7,7 +7,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "hlm/geometry/hull.h"
-#include "hlm/scene/solid.h"
+#include "hlm/ve_client/scene/solid.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 

@@ -1,7 +1,6 @@
 // How jointed bodies answer forces, against probing: a wrench on the simulated body for one short
 // step.
-#include "hlm/world/mobility.h"
-
+#include "hlm/ve_client/world/world.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/worlds.h"
@@ -89,10 +88,10 @@ TEST_CASE("Inverse inertia and free acceleration are those of the simulated body
   stir(world, random);
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
     const Twist unpushed = probe(world, body, Wrench::Zero());
-    const Vector6 A = mobility_of(world, body).A_W;
+    const Vector6 A = world.mobility_of(body).A_W;
     CAPTURE(A.transpose(), unpushed.transpose() / kStep);
     CHECK((unpushed / kStep - A).norm() < 0.02 * (1 + A.norm()));
-    const Matrix6 W = mobility_of(world, body).W;
+    const Matrix6 W = world.mobility_of(body).W;
     CHECK((W - W.transpose()).norm() < 1e-9 * W.norm());
     for (int i = 0; i < 6; ++i) {
       const Wrench F = random_wrench(random);
@@ -105,7 +104,7 @@ TEST_CASE("Inverse inertia and free acceleration are those of the simulated body
 
 TEST_CASE("A body without joints has its own mass and inertia") {
   World world(world_of(link("a", "0 0 0 0 0 1.5707963267948966")), {});
-  const Matrix6 W = mobility_of(world, 0).W;
+  const Matrix6 W = world.mobility_of(0).W;
   CHECK(W(0, 0) == Approx(1 / 0.8));
   Matrix3 I;
   I << 3e-3, -2e-4, 0, -2e-4, 1e-3, 0, 0, 0, 2.5e-3;  // Turned by a quarter about z.
@@ -117,8 +116,8 @@ TEST_CASE("A body that is welded to the world cannot be moved") {
       world_of(link("a", "0 0 0 0 0 0") + joint("weld", "fixed", "world", "a"));
   description.bodies.at(0).fixed = false;  // As if the joint alone held it.
   World world(description, {});
-  CHECK(mobility_of(world, 0).W.norm() < 1e-9);
-  CHECK(mobility_of(world, 0).A_W.norm() < 1e-9);
+  CHECK(world.mobility_of(0).W.norm() < 1e-9);
+  CHECK(world.mobility_of(0).A_W.norm() < 1e-9);
 }
 
 TEST_CASE("A spring that the solver's steps cannot hold is an error with the limit") {

@@ -1,6 +1,6 @@
 // The ε-query between the tool and the world: on the paper's testbed, with moving bodies, and with
 // tools of several links and shapes.
-#include "hlm/world/proximity.h"
+#include "hlm/ve_client/world/proximity.h"
 
 #include <algorithm>
 #include <map>

@@ -1,7 +1,7 @@
 // Bodies at rest: which they are, what wakes them, and that nothing else shows it.
-#include "hlm/world/rest.h"
+#include "hlm/ve_client/world/rest.h"
 
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/world.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 

@@ -1,5 +1,5 @@
 // Scenes: which tool a world is played with, and which worlds stand beside it.
-#include "hlm/scene/scene.h"
+#include "hlm/ve_client/scene/scene.h"
 
 #include <algorithm>
 #include <filesystem>

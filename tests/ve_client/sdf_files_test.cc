@@ -13,8 +13,8 @@
 #include <sdf/parser.hh>
 #include <unistd.h>
 
-#include "hlm/scene/resources.h"
-#include "hlm/scene/sdf_elements.h"
+#include "hlm/ve_client/scene/resources.h"
+#include "hlm/ve_client/scene/sdf_elements.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 

@@ -11,8 +11,8 @@
 #include <sdf/parser.hh>
 #include <unistd.h>
 
-#include "hlm/scene/sdf_elements.h"
-#include "hlm/scene/sdf_loader.h"
+#include "hlm/ve_client/scene/sdf_elements.h"
+#include "hlm/ve_client/scene/sdf_loader.h"
 #include "tests/support/catch.h"
 #include "tests/support/png.h"
 

@@ -1,5 +1,5 @@
 // The client's options: values, ranges, configuration file, and one line for each mistake.
-#include "hlm/ve/settings.h"
+#include "hlm/ve_client/run/settings.h"
 
 #include <cstdio>
 #include <filesystem>

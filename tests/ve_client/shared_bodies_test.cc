@@ -1,6 +1,6 @@
-#include "hlm/ve/shared_bodies.h"
+#include "hlm/ve_client/run/shared_bodies.h"
 
-#include "hlm/world/mobility.h"
+#include "hlm/ve_client/world/mobility.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/worlds.h"
@@ -39,7 +39,7 @@ struct Shared {
   /// What a tool's server is told.
   MovableBody report(std::size_t tool) {
     MovableBodies told;
-    const Mobility mobility = mobility_of(world, 0);
+    const Mobility mobility = world.mobility_of(0);
     MovableBody& body = told.emplace_back();
     body.id = 0;
     body.V_W = world.V_WB(0);
@@ -96,7 +96,7 @@ TEST_CASE("A body that two tools push resists more, and weighs the same") {
   Shared shared("0 0 -9.81");
   for (int frame = 0; frame < 60; ++frame) shared.push(3, -3);
   CHECK(shared.world.inertia_factor(0) == Approx(9).epsilon(1e-3));  // 80 kg/s for 0.1 s, and 1 kg.
-  const Mobility mobility = mobility_of(shared.world, 0);
+  const Mobility mobility = shared.world.mobility_of(0);
   CHECK(mobility.W(0, 0) == Approx(1.0 / 9).epsilon(1e-3));
   CHECK(mobility.A_W[2] == Approx(-kEarth / 9).epsilon(1e-3));
   const double fell = shared.world.V_WB(0)[2];

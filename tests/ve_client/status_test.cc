@@ -1,4 +1,4 @@
-#include "hlm/ve/status.h"
+#include "hlm/ve_client/run/status.h"
 
 #include <stdexcept>
 

@@ -1,5 +1,5 @@
 // Which bodies take part, what they rest on, and with how much.
-#include "hlm/world/surroundings.h"
+#include "hlm/ve_client/world/surroundings.h"
 
 #include <algorithm>
 #include <set>

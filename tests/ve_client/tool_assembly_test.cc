@@ -1,5 +1,5 @@
 // The virtual tool that a model makes.
-#include "hlm/scene/tool_assembly.h"
+#include "hlm/ve_client/scene/tool_assembly.h"
 
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"

@@ -3,7 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/world.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 

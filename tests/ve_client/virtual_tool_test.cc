@@ -1,10 +1,10 @@
 // The virtual tool follows the proxy, is stopped by walls, pushes loose bodies, and says exactly
 // where it is.
-#include "hlm/world/virtual_tool.h"
+#include "hlm/ve_client/world/virtual_tool.h"
 
 #include <limits>
 
-#include "hlm/world/proximity.h"
+#include "hlm/ve_client/world/proximity.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 #include "tests/support/worlds.h"

@@ -5,9 +5,9 @@
 #include <map>
 #include <set>
 
-#include "hlm/scene/scene.h"
-#include "hlm/scene/sdf_loader.h"
-#include "hlm/world/world.h"
+#include "hlm/ve_client/scene/scene.h"
+#include "hlm/ve_client/scene/sdf_loader.h"
+#include "hlm/ve_client/world/world.h"
 #include "tests/support/catch.h"
 
 namespace hlm::ve {

@@ -1,12 +1,12 @@
 // The simulated world: gravity, contacts among loose bodies, joints and their limits,
 // repeatability.
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/world.h"
 
 #include <cmath>
 #include <thread>
 
-#include "hlm/scene/tool_assembly.h"
-#include "hlm/world/mobility.h"
+#include "hlm/ve_client/scene/tool_assembly.h"
+#include "hlm/ve_client/world/mobility.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 
@@ -362,10 +362,10 @@ TEST_CASE("A damped joint goes as fast as its load drives it, however much it is
     run(hinge, 0.5);
     const double arm = 0.1 * std::cos(hinge.joints().position(1));
     CHECK(hinge.joints().velocity(1) == Approx(9.81 * arm / damping).epsilon(0.01).margin(2e-4));
-    CHECK(mobility_of(hinge, 1).A_W.norm() < 2);  // 89 without damping.
+    CHECK(hinge.mobility_of(1).A_W.norm() < 2);  // 89 without damping.
     // A push is taken up within a step, and told as no more than that.
     slide.set_velocity(1, (Twist() << 0, 0, 1, 0, 0, 0).finished());
-    CHECK(mobility_of(slide, 1).A_W.norm() < 1.1 / slide.longest_step());
+    CHECK(slide.mobility_of(1).A_W.norm() < 1.1 / slide.longest_step());
     run(slide, 0.1);
     CHECK(std::abs(slide.joints().velocity(1)) < 0.1);
   }

@@ -1,4 +1,4 @@
-#include "hlm/scene/convex_decomposition.h"
+#include "hlm/ve_client/scene/convex_decomposition.h"
 
 #include <chrono>
 #include <filesystem>
@@ -8,7 +8,7 @@
 
 #include "hlm/geometry/hull.h"
 #include "hlm/geometry/mesh_pieces.h"
-#include "hlm/scene/kept_pieces.h"
+#include "hlm/ve_client/scene/kept_pieces.h"
 
 namespace hlm::ve {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "hlm/geometry/mesh.h"
 #include "hlm/geometry/shape.h"
-#include "hlm/scene/diagnostics.h"
-#include "hlm/ve/geometry.h"
+#include "hlm/ve_client/scene/diagnostics.h"
+#include "hlm/ve_client/scene/geometry.h"
 
 namespace hlm::ve {
 

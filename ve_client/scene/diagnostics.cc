@@ -1,4 +1,4 @@
-#include "hlm/scene/diagnostics.h"
+#include "hlm/ve_client/scene/diagnostics.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "hlm/scene/grey_image.h"
+#include "hlm/ve_client/scene/grey_image.h"
 
 #include <array>
 #include <cerrno>

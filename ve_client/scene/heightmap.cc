@@ -1,8 +1,8 @@
-#include "hlm/scene/heightmap.h"
+#include "hlm/ve_client/scene/heightmap.h"
 
 #include <algorithm>
 
-#include "hlm/scene/grey_image.h"
+#include "hlm/ve_client/scene/grey_image.h"
 
 namespace hlm::ve {
 namespace {

@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "hlm/geometry/mesh.h"
-#include "hlm/ve/geometry.h"
+#include "hlm/ve_client/scene/geometry.h"
 
 namespace hlm::ve {
 

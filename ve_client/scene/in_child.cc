@@ -1,4 +1,4 @@
-#include "hlm/scene/in_child.h"
+#include "hlm/ve_client/scene/in_child.h"
 
 #include <array>
 #include <cerrno>

@@ -1,4 +1,4 @@
-#include "hlm/scene/kept_pieces.h"
+#include "hlm/ve_client/scene/kept_pieces.h"
 
 #include <algorithm>
 #include <chrono>

@@ -9,7 +9,7 @@
 
 #include "hlm/geometry/mesh.h"
 #include "hlm/geometry/shape.h"
-#include "hlm/ve/geometry.h"
+#include "hlm/ve_client/scene/geometry.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/scene/link_inertia.h"
+#include "hlm/ve_client/scene/link_inertia.h"
 
 #include <sstream>
 #include <string>
@@ -6,8 +6,8 @@
 #include <Eigen/Eigenvalues>
 
 #include "hlm/common/range.h"
-#include "hlm/scene/sdf_geometry.h"
-#include "hlm/scene/sdf_places.h"
+#include "hlm/ve_client/scene/sdf_geometry.h"
+#include "hlm/ve_client/scene/sdf_places.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,4 +1,4 @@
-#include "hlm/scene/mesh_file.h"
+#include "hlm/ve_client/scene/mesh_file.h"
 
 #include <array>
 #include <cstring>
@@ -12,7 +12,7 @@
 #include <assimp/scene.h>
 
 #include "hlm/common/one_line.h"
-#include "hlm/scene/in_child.h"
+#include "hlm/ve_client/scene/in_child.h"
 
 namespace hlm::ve {
 namespace {

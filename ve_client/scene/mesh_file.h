@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "hlm/geometry/mesh.h"
-#include "hlm/ve/geometry.h"
+#include "hlm/ve_client/scene/geometry.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/scene/resources.h"
+#include "hlm/ve_client/scene/resources.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "hlm/scene/scene.h"
+#include "hlm/ve_client/scene/scene.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,8 @@
 
 #include <tinyxml2.h>
 
-#include "hlm/scene/sdf_loader.h"
-#include "hlm/scene/tool_assembly.h"
+#include "hlm/ve_client/scene/sdf_loader.h"
+#include "hlm/ve_client/scene/tool_assembly.h"
 
 namespace hlm::ve {
 namespace {

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "hlm/scene/diagnostics.h"
-#include "hlm/scene/world_description.h"
-#include "hlm/ve/scene_summary.h"
+#include "hlm/page/scene_summary.h"
+#include "hlm/ve_client/scene/diagnostics.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

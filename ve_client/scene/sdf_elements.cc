@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_elements.h"
+#include "hlm/ve_client/scene/sdf_elements.h"
 
 #include <algorithm>
 #include <vector>

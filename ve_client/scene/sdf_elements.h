@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "hlm/scene/diagnostics.h"
+#include "hlm/ve_client/scene/diagnostics.h"
 
 namespace hlm::ve {
 

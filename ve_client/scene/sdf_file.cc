@@ -1,13 +1,13 @@
-#include "hlm/scene/sdf_file.h"
+#include "hlm/ve_client/scene/sdf_file.h"
 
 #include <algorithm>
 #include <cctype>
 #include <fstream>
 #include <sstream>
 
-#include "hlm/scene/resources.h"
-#include "hlm/scene/sdf_elements.h"
-#include "hlm/scene/urdf.h"
+#include "hlm/ve_client/scene/resources.h"
+#include "hlm/ve_client/scene/sdf_elements.h"
+#include "hlm/ve_client/scene/urdf.h"
 
 namespace hlm::ve {
 namespace {
@@ -214,18 +214,6 @@ std::string chain_of(const SdfFile& file, const fs::path& last) {
 }
 
 }  // namespace
-
-Place place_of(const XMLElement& element, const SdfFile& file) {
-  Place place{file.name, element.GetLineNum(), ""};
-  for (const tinyxml2::XMLNode* at = &element; at != nullptr; at = at->Parent()) {
-    const XMLElement* named = at->ToElement();
-    const char* name = named != nullptr ? named->Attribute("name") : nullptr;
-    if (name == nullptr || std::string_view(named->Name()) == "world") continue;
-    const std::string own = std::string(named->Name()) + " '" + name + "'";
-    place.element = place.element.empty() ? own : own + " " + place.element;
-  }
-  return place;
-}
 
 std::shared_ptr<SdfFile> read_file(const fs::path& path, Diagnostics& diagnostics) {
   const std::shared_ptr<SdfFile> file = make_file(path.string());

@@ -10,19 +10,9 @@
 
 #include <tinyxml2.h>
 
-#include "hlm/scene/diagnostics.h"
+#include "hlm/ve_client/scene/sdf_document.h"
 
 namespace hlm::ve {
-
-/// A file that was read.
-struct SdfFile {
-  std::string name;            ///< Name for messages.
-  std::filesystem::path path;  ///< Empty: it was given as text.
-  std::unique_ptr<tinyxml2::XMLDocument> document;
-  tinyxml2::XMLElement* root = nullptr;  ///< <sdf>, or the <model> of a URDF file.
-  std::string version;                   ///< SDFormat version, as the parser is to convert it.
-  std::vector<std::filesystem::path> includers;  ///< The files that led here, the first one first.
-};
 
 /// Reads a file, and `parse_file` a text that stands for the file `name`. Null, with the reason
 /// refused, if it is not XML, or neither SDF nor URDF.
@@ -44,7 +34,5 @@ tinyxml2::XMLElement* find_root_model(const SdfFile& file, Diagnostics& diagnost
 /// relative to what is there. Each element is on the line on which it stands in the file, so that
 /// what the parser says of lines stays true.
 std::string text_of(const tinyxml2::XMLElement& element, const SdfFile& file);
-
-Place place_of(const tinyxml2::XMLElement& element, const SdfFile& file);
 
 }  // namespace hlm::ve

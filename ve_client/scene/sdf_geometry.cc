@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_geometry.h"
+#include "hlm/ve_client/scene/sdf_geometry.h"
 
 #include <algorithm>
 #include <array>
@@ -23,12 +23,12 @@
 #include "hlm/common/range.h"
 #include "hlm/geometry/hull.h"
 #include "hlm/geometry/mesh_pieces.h"
-#include "hlm/scene/convex_decomposition.h"
-#include "hlm/scene/heightmap.h"
-#include "hlm/scene/mesh_file.h"
-#include "hlm/scene/resources.h"
-#include "hlm/scene/sdf_messages.h"
-#include "hlm/scene/sdf_places.h"
+#include "hlm/ve_client/scene/convex_decomposition.h"
+#include "hlm/ve_client/scene/heightmap.h"
+#include "hlm/ve_client/scene/mesh_file.h"
+#include "hlm/ve_client/scene/resources.h"
+#include "hlm/ve_client/scene/sdf_messages.h"
+#include "hlm/ve_client/scene/sdf_places.h"
 
 namespace hlm::ve {
 namespace {

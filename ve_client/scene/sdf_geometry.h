@@ -9,9 +9,9 @@
 #include <sdf/Collision.hh>
 #include <sdf/Geometry.hh>
 
-#include "hlm/scene/diagnostics.h"
-#include "hlm/scene/solid.h"
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/diagnostics.h"
+#include "hlm/ve_client/scene/solid.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

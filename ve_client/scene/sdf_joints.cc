@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_joints.h"
+#include "hlm/ve_client/scene/sdf_joints.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,9 +10,9 @@
 #include <sdf/JointAxis.hh>
 
 #include "hlm/common/range.h"
-#include "hlm/scene/sdf_geometry.h"
-#include "hlm/scene/sdf_messages.h"
-#include "hlm/scene/sdf_places.h"
+#include "hlm/ve_client/scene/sdf_geometry.h"
+#include "hlm/ve_client/scene/sdf_messages.h"
+#include "hlm/ve_client/scene/sdf_places.h"
 
 namespace hlm::ve {
 namespace {

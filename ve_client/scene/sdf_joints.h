@@ -3,8 +3,8 @@
 
 #include <sdf/Joint.hh>
 
-#include "hlm/scene/diagnostics.h"
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/diagnostics.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_loader.h"
+#include "hlm/ve_client/scene/sdf_loader.h"
 
 #include <algorithm>
 #include <array>
@@ -11,12 +11,12 @@
 #include <sdf/World.hh>
 
 #include "hlm/common/range.h"
-#include "hlm/scene/sdf_elements.h"
-#include "hlm/scene/sdf_geometry.h"
-#include "hlm/scene/sdf_messages.h"
-#include "hlm/scene/sdf_models.h"
-#include "hlm/scene/sdf_places.h"
-#include "hlm/scene/sdf_trees.h"
+#include "hlm/ve_client/scene/sdf_elements.h"
+#include "hlm/ve_client/scene/sdf_geometry.h"
+#include "hlm/ve_client/scene/sdf_messages.h"
+#include "hlm/ve_client/scene/sdf_models.h"
+#include "hlm/ve_client/scene/sdf_places.h"
+#include "hlm/ve_client/scene/sdf_trees.h"
 
 namespace hlm::ve {
 namespace {

@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <string>
 
-#include "hlm/scene/diagnostics.h"
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/diagnostics.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

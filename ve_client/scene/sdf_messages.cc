@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_messages.h"
+#include "hlm/ve_client/scene/sdf_messages.h"
 
 #include <iostream>
 #include <stdexcept>

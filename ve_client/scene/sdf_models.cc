@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_models.h"
+#include "hlm/ve_client/scene/sdf_models.h"
 
 #include <algorithm>
 #include <iterator>
@@ -11,11 +11,11 @@
 #include <sdf/Link.hh>
 
 #include "hlm/common/range.h"
-#include "hlm/scene/link_inertia.h"
-#include "hlm/scene/sdf_geometry.h"
-#include "hlm/scene/sdf_joints.h"
-#include "hlm/scene/sdf_messages.h"
-#include "hlm/scene/sdf_places.h"
+#include "hlm/ve_client/scene/link_inertia.h"
+#include "hlm/ve_client/scene/sdf_geometry.h"
+#include "hlm/ve_client/scene/sdf_joints.h"
+#include "hlm/ve_client/scene/sdf_messages.h"
+#include "hlm/ve_client/scene/sdf_places.h"
 
 namespace hlm::ve {
 namespace {

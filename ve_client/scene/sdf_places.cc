@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_places.h"
+#include "hlm/ve_client/scene/sdf_places.h"
 
 #include <algorithm>
 #include <optional>

@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_schema.h"
+#include "hlm/ve_client/scene/sdf_schema.h"
 
 #include <cmath>
 #include <cstdlib>
@@ -8,8 +8,8 @@
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
-#include "hlm/scene/sdf_elements.h"
-#include "hlm/scene/sdf_places.h"
+#include "hlm/ve_client/scene/sdf_elements.h"
+#include "hlm/ve_client/scene/sdf_places.h"
 
 namespace hlm::ve {
 namespace {

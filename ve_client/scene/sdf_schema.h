@@ -6,7 +6,7 @@
 #include <sdf/Element.hh>
 #include <sdf/Types.hh>
 
-#include "hlm/scene/diagnostics.h"
+#include "hlm/ve_client/scene/diagnostics.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/scene/sdf_trees.h"
+#include "hlm/ve_client/scene/sdf_trees.h"
 
 #include <algorithm>
 #include <set>
@@ -7,9 +7,9 @@
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
-#include "hlm/scene/sdf_elements.h"
-#include "hlm/scene/sdf_places.h"
-#include "hlm/scene/sdf_schema.h"
+#include "hlm/ve_client/scene/sdf_elements.h"
+#include "hlm/ve_client/scene/sdf_places.h"
+#include "hlm/ve_client/scene/sdf_schema.h"
 
 namespace hlm::ve {
 namespace {

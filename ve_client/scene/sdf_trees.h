@@ -10,8 +10,8 @@
 #include <sdf/ParserConfig.hh>
 #include <sdf/Types.hh>
 
-#include "hlm/scene/sdf_file.h"
-#include "hlm/scene/sdf_messages.h"
+#include "hlm/ve_client/scene/sdf_file.h"
+#include "hlm/ve_client/scene/sdf_messages.h"
 
 namespace hlm::ve {
 

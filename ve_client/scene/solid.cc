@@ -1,4 +1,4 @@
-#include "hlm/scene/solid.h"
+#include "hlm/ve_client/scene/solid.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "hlm/scene/tool_assembly.h"
+#include "hlm/ve_client/scene/tool_assembly.h"
 
 #include <algorithm>
 #include <cmath>

@@ -8,7 +8,7 @@
 
 #include "hlm/common/tool_description.h"
 #include "hlm/common/tool_model.h"
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/scene/urdf.h"
+#include "hlm/ve_client/scene/urdf.h"
 
 #include <algorithm>
 #include <iterator>
@@ -10,8 +10,8 @@
 #include <string_view>
 
 #include "hlm/common/range.h"
-#include "hlm/scene/sdf_elements.h"
-#include "hlm/scene/solid.h"
+#include "hlm/ve_client/scene/sdf_elements.h"
+#include "hlm/ve_client/scene/solid.h"
 
 namespace hlm::ve {
 namespace {

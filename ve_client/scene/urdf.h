@@ -1,8 +1,7 @@
 // URDF files, rewritten as SDFormat.
 #pragma once
 
-#include "hlm/scene/diagnostics.h"
-#include "hlm/scene/sdf_file.h"
+#include "hlm/ve_client/scene/sdf_document.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 #include <algorithm>
 #include <span>

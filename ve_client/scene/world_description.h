@@ -12,12 +12,12 @@
 #include <vector>
 
 #include "hlm/common/spatial.h"
+#include "hlm/common/tool_count.h"
 #include "hlm/common/tool_description.h"
 #include "hlm/geometry/mesh.h"
 #include "hlm/geometry/shape.h"
-#include "hlm/scene/diagnostics.h"
-#include "hlm/ve/geometry.h"
-#include "hlm/ve/tool_count.h"
+#include "hlm/ve_client/scene/diagnostics.h"
+#include "hlm/ve_client/scene/geometry.h"
 
 namespace hlm::ve {
 

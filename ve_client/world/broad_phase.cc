@@ -1,9 +1,9 @@
-#include "hlm/world/broad_phase.h"
+#include "hlm/ve_client/world/broad_phase.h"
 
 #include <algorithm>
 #include <variant>
 
-#include "hlm/world/engine_geometry.h"
+#include "hlm/ve_client/world/engine_geometry.h"
 
 namespace hlm::ve {
 namespace {

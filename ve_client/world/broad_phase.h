@@ -9,7 +9,7 @@
 #include <ode/ode.h>
 
 #include "hlm/geometry/convex.h"
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

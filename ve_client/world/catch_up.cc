@@ -1,4 +1,4 @@
-#include "hlm/world/catch_up.h"
+#include "hlm/ve_client/world/catch_up.h"
 
 #include <cmath>
 

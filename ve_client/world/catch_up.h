@@ -3,8 +3,8 @@
 
 #include <functional>
 
-#include "hlm/world/proximity.h"
-#include "hlm/world/virtual_tool.h"
+#include "hlm/ve_client/world/proximity.h"
+#include "hlm/ve_client/world/virtual_tool.h"
 
 namespace hlm::ve {
 

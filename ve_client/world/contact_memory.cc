@@ -1,4 +1,4 @@
-#include "hlm/world/contact_memory.h"
+#include "hlm/ve_client/world/contact_memory.h"
 
 #include <utility>
 

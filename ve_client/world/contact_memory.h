@@ -9,7 +9,7 @@
 #include <ode/ode.h>
 
 #include "hlm/geometry/feature.h"
-#include "hlm/ve/geometry.h"
+#include "hlm/ve_client/scene/geometry.h"
 
 namespace hlm::ve {
 

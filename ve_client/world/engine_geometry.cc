@@ -1,4 +1,4 @@
-#include "hlm/world/engine_geometry.h"
+#include "hlm/ve_client/world/engine_geometry.h"
 
 namespace hlm::ve {
 namespace {

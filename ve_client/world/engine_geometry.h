@@ -5,7 +5,7 @@
 
 #include "hlm/common/spatial.h"
 #include "hlm/geometry/shape.h"
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/world/joint_limits.h"
+#include "hlm/ve_client/world/joint_limits.h"
 
 #include <cmath>
 #include <limits>

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "hlm/geometry/feature.h"
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/world.h"
 
 namespace hlm::ve {
 

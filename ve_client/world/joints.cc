@@ -1,4 +1,4 @@
-#include "hlm/world/joints.h"
+#include "hlm/ve_client/world/joints.h"
 
 #include <cmath>
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "hlm/common/spatial.h"
-#include "hlm/world/world.h"
 
 namespace hlm::ve {
 
@@ -17,12 +16,5 @@ struct Mobility {
   /// torque, and what its joints make of these. m/s², rad/s².
   Vector6 A_W = Vector6::Zero();
 };
-
-/// The mobility of a body that is not fixed.
-Mobility mobility_of(const World& world, int body);
-
-/// The acceleration along a joint's axis for each unit of force or torque there, 1/kg or
-/// 1/(kg·m²).
-double joint_mobility(const World& world, int joint);
 
 }  // namespace hlm::ve

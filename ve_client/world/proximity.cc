@@ -1,4 +1,4 @@
-#include "hlm/world/proximity.h"
+#include "hlm/ve_client/world/proximity.h"
 
 #include <algorithm>
 #include <cmath>

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "hlm/geometry/contact_finder.h"
-#include "hlm/world/virtual_tool.h"
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/virtual_tool.h"
+#include "hlm/ve_client/world/world.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/world/rest.h"
+#include "hlm/ve_client/world/rest.h"
 
 #include <algorithm>
 

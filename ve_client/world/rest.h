@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/world/roundness.h"
+#include "hlm/ve_client/world/roundness.h"
 
 #include <algorithm>
 #include <cmath>

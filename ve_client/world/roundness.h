@@ -2,7 +2,7 @@
 #pragma once
 
 #include "hlm/common/contact.h"
-#include "hlm/scene/world_description.h"
+#include "hlm/ve_client/scene/world_description.h"
 
 namespace hlm::ve {
 

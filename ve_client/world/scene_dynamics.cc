@@ -1,4 +1,4 @@
-#include "hlm/world/scene_dynamics.h"
+#include "hlm/ve_client/world/scene_dynamics.h"
 
 #include <algorithm>
 #include <map>

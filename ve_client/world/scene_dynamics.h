@@ -2,7 +2,7 @@
 #pragma once
 
 #include "hlm/protocol/scene_offer.h"
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/world.h"
 
 namespace hlm::ve {
 

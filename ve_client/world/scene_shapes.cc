@@ -1,4 +1,4 @@
-#include "hlm/world/scene_shapes.h"
+#include "hlm/ve_client/world/scene_shapes.h"
 
 #include <algorithm>
 #include <map>
@@ -7,7 +7,7 @@
 
 #include "hlm/geometry/index.h"
 #include "hlm/protocol/scene_offer.h"
-#include "hlm/world/scene_dynamics.h"
+#include "hlm/ve_client/world/scene_dynamics.h"
 
 namespace hlm::ve {
 namespace {

@@ -3,8 +3,8 @@
 
 #include "hlm/common/contact.h"
 #include "hlm/protocol/scene_offer.h"
-#include "hlm/world/virtual_tool.h"
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/virtual_tool.h"
+#include "hlm/ve_client/world/world.h"
 
 namespace hlm::ve {
 

@@ -1,12 +1,12 @@
-#include "hlm/world/surroundings.h"
+#include "hlm/ve_client/world/surroundings.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "hlm/geometry/index.h"
-#include "hlm/world/joint_limits.h"
-#include "hlm/world/mobility.h"
+#include "hlm/ve_client/world/joint_limits.h"
+#include "hlm/ve_client/world/mobility.h"
 
 namespace hlm::ve {
 namespace {
@@ -32,7 +32,7 @@ Surroundings::Surroundings(World& world, Proximity& proximity)
     : world_(world), proximity_(proximity) {
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
     const double own = 1 / world.description().bodies[at(body)].mass;
-    pushable_.push_back(world.is_movable(body) && mobility_of(world, body).W.norm() > kHeld * own);
+    pushable_.push_back(world.is_movable(body) && world.mobility_of(body).W.norm() > kHeld * own);
     round_.push_back(roundness_of(world.description(), body));
   }
 }
@@ -97,7 +97,7 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, b
     movable.id = static_cast<std::uint32_t>(body);
     movable.p_WCom = world_.X_WB(body).p;
     movable.V_W = world_.V_WB(body);
-    const Mobility mobility = mobility_of(world_, body);
+    const Mobility mobility = world_.mobility_of(body);
     movable.W = mobility.W;
     movable.A_W = mobility.A_W;
     movable.roundness = round_[at(body)].kind;

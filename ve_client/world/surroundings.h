@@ -7,9 +7,9 @@
 
 #include "hlm/common/contact.h"
 #include "hlm/geometry/feature.h"
-#include "hlm/world/proximity.h"
-#include "hlm/world/roundness.h"
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/proximity.h"
+#include "hlm/ve_client/world/roundness.h"
+#include "hlm/ve_client/world/world.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "hlm/world/virtual_tool.h"
+#include "hlm/ve_client/world/virtual_tool.h"
 
 #include <algorithm>
 #include <cmath>

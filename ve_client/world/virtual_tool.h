@@ -3,8 +3,8 @@
 
 #include "hlm/common/tool_model.h"
 #include "hlm/common/vocabulary.h"
-#include "hlm/scene/tool_assembly.h"
-#include "hlm/world/world.h"
+#include "hlm/ve_client/scene/tool_assembly.h"
+#include "hlm/ve_client/world/world.h"
 
 namespace hlm::ve {
 

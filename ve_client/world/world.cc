@@ -1,4 +1,4 @@
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/world.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,6 @@
 #include <stdexcept>
 
 #include "hlm/common/range.h"
-#include "hlm/world/mobility.h"
 
 namespace hlm::ve {
 namespace {
@@ -97,7 +96,7 @@ void World::require_slow_springs() const {
     const JointDescription& joint = description_.joints[at(i)];
     if (joint.stiffness == 0) continue;
     // A quarter of what semi-implicit Euler can take.
-    const double most = 1 / (h * h * joint_mobility(*this, i));
+    const double most = 1 / (h * h * joint_mobility(i));
     const std::string name = joint.name + ": spring_stiffness";
     if (const auto error = find_error(name, joint.stiffness, {0, most})) {
       throw std::runtime_error("joint " + *error + " to be stable in steps of " + shortest_text(h) +

@@ -13,15 +13,16 @@
 
 #include "hlm/common/spatial.h"
 #include "hlm/geometry/convex.h"
+#include "hlm/geometry/internal_edges.h"
 #include "hlm/geometry/manifold.h"
 #include "hlm/geometry/pieces.h"
-#include "hlm/geometry/seams.h"
-#include "hlm/scene/world_description.h"
-#include "hlm/world/broad_phase.h"
-#include "hlm/world/carried_contact.h"
-#include "hlm/world/contact_memory.h"
-#include "hlm/world/joints.h"
-#include "hlm/world/rest.h"
+#include "hlm/ve_client/scene/world_description.h"
+#include "hlm/ve_client/world/broad_phase.h"
+#include "hlm/ve_client/world/carried_contact.h"
+#include "hlm/ve_client/world/contact_memory.h"
+#include "hlm/ve_client/world/joints.h"
+#include "hlm/ve_client/world/mobility.h"
+#include "hlm/ve_client/world/rest.h"
 
 namespace hlm::ve {
 
@@ -101,6 +102,8 @@ class World {
   /// surfaces of their bodies meanwhile. They let the tool approach by no more than σ: it comes to
   /// rest on a wall, however fast it came, instead of inside.
   void step(double dt, std::span<const ToolContact> tool_contacts, const Drive& drive = {});
+  /// The mobility of a body that is not fixed.
+  Mobility mobility_of(int body) const;
   /// Why the world stands still for good: a body went where no body goes. Empty as long as it
   /// moves.
   const std::optional<std::string>& fault() const noexcept { return fault_; }
@@ -124,6 +127,9 @@ class World {
   void place(int body, const Pose& X_WB);
   void set_mass(int body);
   void require_slow_springs() const;
+  /// The acceleration along a joint's axis for each unit of force or torque there, 1/kg or
+  /// 1/(kg·m²).
+  double joint_mobility(int joint) const;
   void push_held();
   void solve(double h);
   void find_fault();

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hlm/world/world.h"
+#include "hlm/ve_client/world/world.h"
 
 namespace hlm::ve {
 namespace {
@@ -84,7 +84,7 @@ void World::collide(CollisionId first, CollisionId second) {
     touching_.push_back(found_contact(point, side(first), first, side(second), second));
     touching_.back().friction = friction;
   }
-  resolve_seams(*pieces_, a, b, touching_, 0);
+  remove_internal_edges(*pieces_, a, b, touching_, 0);
   for (const FoundContact& contact : touching_) add_contact(contact);
 }
 

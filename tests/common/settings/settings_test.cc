@@ -7,8 +7,8 @@
 
 #include <unistd.h>
 
-#include "hlm/settings/command_line.h"
-#include "hlm/settings/nearest.h"
+#include "hlm/common/settings/command_line.h"
+#include "hlm/common/settings/nearest.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 

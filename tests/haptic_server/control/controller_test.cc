@@ -1,6 +1,7 @@
 // The controllers (docs/method.md 6).
-#include "hlm/control/controller.h"
+#include "hlm/haptic_server/control/controller.h"
 
+#include "hlm/haptic_server/control/stiffness_bound.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 

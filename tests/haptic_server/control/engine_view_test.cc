@@ -1,5 +1,5 @@
 // What the environment's engine knew of the device when it sent its tool.
-#include "hlm/control/engine_view.h"
+#include "hlm/haptic_server/control/engine_view.h"
 
 #include "tests/support/catch.h"
 

@@ -1,10 +1,10 @@
 // The bound on stiffness of a sampled and late device, on the simulated one.
-#include "hlm/control/stiffness_bound.h"
+#include "hlm/haptic_server/control/stiffness_bound.h"
 
 #include <cmath>
 #include <numbers>
 
-#include "hlm/device/simulated_device.h"
+#include "hlm/haptic_server/device/simulated_device.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {

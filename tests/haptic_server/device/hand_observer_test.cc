@@ -1,12 +1,12 @@
 // The observer of the hand's wrench, on the simulated device with its own hand.
-#include "hlm/device/hand_observer.h"
+#include "hlm/haptic_server/device/hand_observer.h"
 
 #include <cmath>
 #include <complex>
 #include <numbers>
 
-#include "hlm/device/observed_device.h"
-#include "hlm/device/simulated_device.h"
+#include "hlm/haptic_server/device/observed_device.h"
+#include "hlm/haptic_server/device/simulated_device.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
 

@@ -1,9 +1,9 @@
-#include "hlm/device/hand.h"
+#include "hlm/haptic_server/device/hand.h"
 
 #include <cmath>
 #include <numbers>
 
-#include "hlm/device/simulated_device.h"
+#include "hlm/haptic_server/device/simulated_device.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 

@@ -1,6 +1,6 @@
 // The process that takes the motors off when the one that commands them cannot: the guard alone, on
 // processes that the tests fork. tests/system/crash_test.cc has it in the real server.
-#include "hlm/device/motor_guard.h"
+#include "hlm/haptic_server/device/motor_guard.h"
 
 #include <atomic>
 #include <chrono>

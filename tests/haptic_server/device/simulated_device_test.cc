@@ -1,4 +1,4 @@
-#include "hlm/device/simulated_device.h"
+#include "hlm/haptic_server/device/simulated_device.h"
 
 #include <cmath>
 #include <limits>

@@ -1,11 +1,11 @@
 // A device's own space in the world: frame, scales, clutch, limits, and the energy that they keep.
-#include "hlm/device/workspace.h"
+#include "hlm/haptic_server/device/workspace.h"
 
 #include <utility>
 
-#include "hlm/device/simulated_device.h"
-#include "hlm/safety/energy_tank.h"
-#include "hlm/safety/force_budget.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/haptic_server/safety/energy_tank.h"
+#include "hlm/haptic_server/safety/force_budget.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
 #include "tests/support/random.h"

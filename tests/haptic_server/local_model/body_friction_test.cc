@@ -1,5 +1,5 @@
 // What the motion of bodies tells of their friction.
-#include "hlm/local_model/body_friction.h"
+#include "hlm/haptic_server/local_model/body_friction.h"
 
 #include "tests/support/catch.h"
 

@@ -1,4 +1,4 @@
-#include "hlm/local_model/body_impulses.h"
+#include "hlm/haptic_server/local_model/body_impulses.h"
 
 #include <memory>
 

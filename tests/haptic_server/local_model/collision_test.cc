@@ -1,5 +1,5 @@
 // Simultaneous collisions (docs/method.md 5).
-#include "hlm/local_model/collision.h"
+#include "hlm/haptic_server/local_model/collision.h"
 
 #include "tests/support/catch.h"
 #include "tests/support/random_collision.h"

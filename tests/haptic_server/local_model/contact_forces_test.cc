@@ -1,7 +1,7 @@
 // Penalty and friction (docs/method.md 4), on the whole local model.
-#include "hlm/local_model/contact_forces.h"
+#include "hlm/haptic_server/local_model/contact_forces.h"
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 

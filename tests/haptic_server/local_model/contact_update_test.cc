@@ -1,5 +1,5 @@
 // Updates of the local contacts: the case table, and a random 3-D stress (docs/method.md 2).
-#include "hlm/local_model/contact_update.h"
+#include "hlm/haptic_server/local_model/contact_update.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,8 +1,8 @@
 // Tools left to themselves: what moves without force keeps its energy and its momentum, and moves
 // as in MuJoCo (docs/method.md 1).
-#include "hlm/local_model/free_motion.h"
+#include "hlm/haptic_server/local_model/free_motion.h"
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/mujoco_tool.h"
 

@@ -1,5 +1,5 @@
 // The wrench at the hand (docs/method.md 4.4, Eq. 8).
-#include "hlm/local_model/hand_map.h"
+#include "hlm/haptic_server/local_model/hand_map.h"
 
 #include <cmath>
 #include <vector>

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
 #include "tests/support/random_tool.h"

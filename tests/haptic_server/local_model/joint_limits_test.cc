@@ -1,7 +1,7 @@
 // Joints at their stops (docs/method.md 4.6).
-#include "hlm/local_model/joint_limits.h"
+#include "hlm/haptic_server/local_model/joint_limits.h"
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 

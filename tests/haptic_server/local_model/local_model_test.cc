@@ -1,5 +1,5 @@
 // The local model's states, collisions and determinism.
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 
 #include "tests/support/catch.h"
 #include "tests/support/contacts.h"

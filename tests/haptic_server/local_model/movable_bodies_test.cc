@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"

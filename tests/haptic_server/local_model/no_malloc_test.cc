@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/local_model/local_model.h"
-#include "hlm/server_scene/scene.h"
+#include "hlm/haptic_server/local_model/local_model.h"
+#include "hlm/haptic_server/scene/scene.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"

@@ -1,5 +1,5 @@
 // Contacts that the local model finds itself: s = σ + δ (docs/method.md 18).
-#include "hlm/local_model/scene_contacts.h"
+#include "hlm/haptic_server/local_model/scene_contacts.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "hlm/geometry/work.h"
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/heap.h"
 #include "tests/support/random.h"

@@ -1,11 +1,11 @@
 // Limited stiffness (docs/method.md 4.5).
-#include "hlm/local_model/stiffness_limit.h"
+#include "hlm/haptic_server/local_model/stiffness_limit.h"
 
 #include <limits>
 
 #include <Eigen/Eigenvalues>
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 

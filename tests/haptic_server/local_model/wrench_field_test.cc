@@ -1,5 +1,5 @@
 // An external wrench follows the link's motion as its reports have shown that it depends on it.
-#include "hlm/local_model/wrench_field.h"
+#include "hlm/haptic_server/local_model/wrench_field.h"
 
 #include <cmath>
 #include <functional>
@@ -7,7 +7,7 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "hlm/local_model/local_model.h"
+#include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "hlm/control/stiffness_bound.h"
-#include "hlm/device/device_driver.h"
-#include "hlm/device/observed_device.h"
-#include "hlm/device/simulated_device.h"
-#include "hlm/loop/servo.h"
+#include "hlm/haptic_server/control/stiffness_bound.h"
+#include "hlm/haptic_server/device/device_choice.h"
+#include "hlm/haptic_server/device/observed_device.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/haptic_server/loop/servo.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"

@@ -1,5 +1,5 @@
 // Do ticks keep to their grid, and are missed periods counted?
-#include "hlm/loop/periodic_loop.h"
+#include "hlm/haptic_server/loop/periodic_loop.h"
 
 #include <algorithm>
 #include <chrono>

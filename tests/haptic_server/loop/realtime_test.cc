@@ -1,5 +1,5 @@
 // Does the servo thread get what it asks for, and does it learn what it does not get?
-#include "hlm/loop/realtime.h"
+#include "hlm/haptic_server/loop/realtime.h"
 
 #include <array>
 #include <functional>
@@ -14,7 +14,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "hlm/loop/cpu_latency.h"
+#include "hlm/haptic_server/loop/cpu_latency.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/loop/servo.h"
+#include "hlm/haptic_server/loop/servo.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/support/random_tool.h"
 

@@ -1,5 +1,5 @@
 // What a control changes of the servo's options, and which options are refused.
-#include "hlm/loop/servo_options.h"
+#include "hlm/haptic_server/loop/servo_options.h"
 
 #include <limits>
 

@@ -1,5 +1,5 @@
 // The tick: its order, its sessions, its faults, and what reaches proxy, device and client.
-#include "hlm/loop/servo.h"
+#include "hlm/haptic_server/loop/servo.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "hlm/server_scene/loader.h"
+#include "hlm/haptic_server/scene/loader.h"
 #include "tests/haptic_server/loop/servo_bench.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"

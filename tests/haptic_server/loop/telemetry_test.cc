@@ -1,5 +1,5 @@
 // Telemetry: signals in batches, and the local contacts, to a client that asked.
-#include "hlm/loop/telemetry.h"
+#include "hlm/haptic_server/loop/telemetry.h"
 
 #include <array>
 

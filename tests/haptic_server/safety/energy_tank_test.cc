@@ -1,5 +1,5 @@
 // The ledger of the device port, and the power that its tank allows.
-#include "hlm/safety/energy_tank.h"
+#include "hlm/haptic_server/safety/energy_tank.h"
 
 #include <cmath>
 #include <limits>

@@ -20,12 +20,12 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/device/simulated_device.h"
-#include "hlm/loop/run_summary.h"
-#include "hlm/loop/servo.h"
-#include "hlm/loop/state_file.h"
-#include "hlm/loop/status_line.h"
-#include "hlm/loop/tick_columns.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/haptic_server/loop/servo.h"
+#include "hlm/haptic_server/report/run_summary.h"
+#include "hlm/haptic_server/report/state_file.h"
+#include "hlm/haptic_server/report/status_line.h"
+#include "hlm/haptic_server/report/tick_columns.h"
 #include "hlm/protocol/tool_fit.h"
 #include "tests/fuzz/promises.h"
 #include "tests/haptic_server/loop/servo_bench.h"

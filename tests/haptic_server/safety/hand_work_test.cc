@@ -1,5 +1,5 @@
 // How much of an observed hand's work may explain energy at the port.
-#include "hlm/safety/hand_work.h"
+#include "hlm/haptic_server/safety/hand_work.h"
 
 #include <cmath>
 #include <limits>

@@ -1,5 +1,5 @@
 // How fast and how far the handle may go.
-#include "hlm/safety/handle_limits.h"
+#include "hlm/haptic_server/safety/handle_limits.h"
 
 #include "tests/support/catch.h"
 

@@ -9,8 +9,8 @@
 
 #include <spdlog/fmt/ostr.h>
 
-#include "hlm/device/simulated_device.h"
-#include "hlm/loop/servo.h"
+#include "hlm/haptic_server/device/simulated_device.h"
+#include "hlm/haptic_server/loop/servo.h"
 #include "tests/haptic_server/loop/servo_bench.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"

@@ -1,5 +1,5 @@
 // Impulses within the device's limits (docs/method.md 5.4).
-#include "hlm/safety/impulse_spreader.h"
+#include "hlm/haptic_server/safety/impulse_spreader.h"
 
 #include "tests/support/catch.h"
 

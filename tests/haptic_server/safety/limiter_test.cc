@@ -1,5 +1,5 @@
 // The last gate before the device.
-#include "hlm/safety/limiter.h"
+#include "hlm/haptic_server/safety/limiter.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,5 +1,5 @@
 // The server's safety: each transition of its table, and no other; what fades and what latches.
-#include "hlm/safety/state_machine.h"
+#include "hlm/haptic_server/safety/state_machine.h"
 
 #include <iterator>
 #include <utility>

@@ -9,8 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "hlm/haptic_server/scene/loader_thread.h"
 #include "hlm/protocol/scene_records.h"
-#include "hlm/server_scene/loader_thread.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
 #include "tests/support/random.h"

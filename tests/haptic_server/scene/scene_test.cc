@@ -1,5 +1,5 @@
 // A scene names the sides that touch, and leaves out what never touches.
-#include "hlm/server_scene/scene.h"
+#include "hlm/haptic_server/scene/scene.h"
 
 #include <algorithm>
 #include <array>

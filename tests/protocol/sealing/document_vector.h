@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "hlm/sealing/noise.h"
+#include "hlm/protocol/sealing/noise.h"
 #include "tests/protocol/transport/capture_files.h"
 
 namespace hlm::test {

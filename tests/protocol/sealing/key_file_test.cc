@@ -1,5 +1,5 @@
 // The key's file: who may read it, and what is a key.
-#include "hlm/sealing/key_file.h"
+#include "hlm/protocol/sealing/key_file.h"
 
 #include <filesystem>
 #include <fstream>

@@ -1,12 +1,12 @@
 // The handshake against a published vector, against PROTOCOL.md, and against what is wrong.
-#include "hlm/sealing/noise.h"
+#include "hlm/protocol/sealing/noise.h"
 
 #include <algorithm>
 #include <string>
 #include <vector>
 
-#include "hlm/sealing/packets.h"
-#include "hlm/sealing/sealed_channel.h"
+#include "hlm/protocol/sealing/packets.h"
+#include "hlm/protocol/sealing/sealed_channel.h"
 #include "tests/protocol/sealing/document_vector.h"
 #include "tests/support/catch.h"
 

@@ -1,5 +1,5 @@
 // Sealed packets: once each, unchanged, in any order within the window.
-#include "hlm/sealing/sealed_channel.h"
+#include "hlm/protocol/sealing/sealed_channel.h"
 
 #include <algorithm>
 #include <set>

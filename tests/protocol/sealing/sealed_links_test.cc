@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "hlm/sealing/sealed_client_link.h"
-#include "hlm/sealing/sealed_server_link.h"
+#include "hlm/protocol/sealing/sealed_client_link.h"
+#include "hlm/protocol/sealing/sealed_server_link.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"

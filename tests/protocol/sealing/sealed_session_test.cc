@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "hlm/protocol/client_session.h"
+#include "hlm/protocol/sealing/sealed_client_link.h"
+#include "hlm/protocol/sealing/sealed_server_link.h"
 #include "hlm/protocol/server_session.h"
-#include "hlm/sealing/sealed_client_link.h"
-#include "hlm/sealing/sealed_server_link.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"

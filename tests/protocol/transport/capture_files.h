@@ -14,7 +14,7 @@
 #include <pcap/pcap.h>
 #include <unistd.h>
 
-#include "hlm/transport/capture.h"
+#include "hlm/protocol/transport/capture.h"
 
 namespace hlm::test {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "hlm/transport/ip_packet.h"
+#include "hlm/protocol/transport/ip_packet.h"
 #include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"

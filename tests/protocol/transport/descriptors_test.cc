@@ -5,7 +5,7 @@
 
 #include <sys/resource.h>
 
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/udp_socket.h"
 #include "tests/support/catch.h"
 
 namespace hlm::protocol {

@@ -1,5 +1,5 @@
 // RecordingLink: what passes is recorded, and recording changes nothing of what passes.
-#include "hlm/transport/recording_link.h"
+#include "hlm/protocol/transport/recording_link.h"
 
 #include <cstring>
 #include <deque>

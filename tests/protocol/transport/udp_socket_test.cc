@@ -1,5 +1,5 @@
 // The UDP socket on loopback, and the names of endpoints.
-#include "hlm/transport/udp_socket.h"
+#include "hlm/protocol/transport/udp_socket.h"
 
 #include <chrono>
 #include <string>
