@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "hlm/common/range.h"
+#include "hlm/haptic_server/loop/timing.h"
 
 namespace hlm::server {
 
@@ -29,19 +30,6 @@ double default_final_spin(double rate) noexcept;
 
 /// Why options cannot be used, naming the option, its value and its range; empty if valid.
 std::optional<std::string> find_error(const PeriodicLoopOptions& options);
-
-/// When one tick was due and when it began.
-struct Timing {
-  std::uint64_t tick = 0;      ///< Periods since the loop began, missed ones included.
-  double scheduled = 0;        ///< When this tick was due, s since the loop began: tick / rate.
-  double begin = 0;            ///< When it began, s since the loop began; less than a period later.
-  std::uint64_t missed = 0;    ///< Periods missed just before this tick.
-  std::uint64_t overruns = 0;  ///< Periods missed since the loop began.
-  /// How late the loop woke, s: begin minus the time for which the wake-up was set, which is that
-  /// of the first missed period if there are any.
-  double lateness = 0;
-  double previous_execution = 0;  ///< Time of the tick before, from its beginning to its end, s.
-};
 
 /// An overrun skips whole periods: ticks stay on the grid of the first one and none is made up for.
 class PeriodicLoop {

@@ -5,8 +5,8 @@
 
 #include "hlm/haptic_server/device/device.h"
 #include "hlm/haptic_server/local_model/local_model.h"
-#include "hlm/haptic_server/loop/periodic_loop.h"
 #include "hlm/haptic_server/loop/servo_options.h"
+#include "hlm/haptic_server/loop/timing.h"
 #include "hlm/haptic_server/report/tick_record.h"
 #include "hlm/haptic_server/safety/state_machine.h"
 #include "hlm/protocol/server_session.h"

@@ -192,6 +192,19 @@ TEST_CASE("The cause that a device gives for its failure stays with the fault") 
             .starts_with("fault: its cable is loose; "));
 }
 
+TEST_CASE("A device that fails otherwise in a later session gives that cause, not the one before") {
+  ServoBench bench;
+  bench.begin();
+  bench.device.state->V_WD[0] = std::numeric_limits<double>::quiet_NaN();
+  CHECK(std::string(bench.tick().cause) == "a number of its state is not finite");
+  bench.servo->obey(Intervention::kClear);
+  bench.device.state = DeviceState{};
+  REQUIRE(bench.begin().server == ServerState::kArming);
+  bench.device.why = "its cable is loose";
+  bench.device.state.reset();
+  CHECK(std::string(bench.tick().cause) == "its cable is loose");
+}
+
 TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello says, no old force") {
   ServoBench bench;
   begin_under_load(bench);
