@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 #include "hlm/common/spatial.h"
 #include "hlm/common/static_vector.h"
@@ -49,6 +50,10 @@ class BodyImpulses {
   void begin_silence() noexcept;
   void end_silence() noexcept { silent_ = false; }
 
+  /// An update is about bodies in this world step, which may lie between two. Returns that of the
+  /// update before.
+  double adopt(double world_step) noexcept { return std::exchange(adopted_, world_step); }
+
   /// Steps that have ended.
   std::uint64_t step() const noexcept { return step_ + left_out_; }
   /// The same in world steps.
@@ -83,6 +88,7 @@ class BodyImpulses {
   std::uint64_t left_out_before_ = 0;  ///< and those of them before the latest silence,
   std::uint64_t silence_ = 0;          ///< which began at this world step.
   bool silent_ = false;
+  double adopted_ = 0;
   std::array<Step, kHistory> history_;  ///< The step that has begun is step_ + 1.
   Totals totals_;
 };

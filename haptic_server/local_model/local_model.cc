@@ -1,7 +1,7 @@
 #include "hlm/haptic_server/local_model/local_model.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 
 #include "hlm/haptic_server/local_model/collision.h"
 #include "hlm/haptic_server/local_model/free_motion.h"
@@ -9,15 +9,9 @@
 namespace hlm::server {
 namespace {
 
-/// How fast the stiffness factor may change, 1/s. Faster is felt as a jump where contacts come or
-/// go under load; slower leaves the stiffness above its limit for longer.
-constexpr double kStiffnessScaleRate = 10;
 /// Time constant of healing, s. Near the loop through the environment, what heals swings with what
 /// is reported; much longer is no healing.
 constexpr double kHealingTime = 0.2;
-/// Most energy that is kept to heal with, J: that of 5 N over 20 mm. More would let an old blow pay
-/// for a wall that comes much later.
-constexpr double kTankSize = 0.1;
 
 ProxyContactState proxy_state(const std::array<const LocalContacts*, 2>& sets) noexcept {
   ProxyContactState state = ProxyContactState::kFreeMotion;
@@ -33,6 +27,16 @@ ProxyContactState proxy_state(const std::array<const LocalContacts*, 2>& sets) n
 bool is_closed(const LocalContact& contact) noexcept {
   return contact.now.state == ContactState::kColliding ||
          contact.now.state == ContactState::kPenetrating;
+}
+
+using ClosedContacts = StaticVector<const LocalContact*, kMaxCollisions>;
+
+/// Adds those that are closed, as far as there is room. Returns how many there are then.
+std::size_t collect(const LocalContacts& contacts, ClosedContacts& closed) noexcept {
+  for (const LocalContact& contact : contacts) {
+    if (is_closed(contact) && closed.size() < closed.capacity()) closed.push_back(&contact);
+  }
+  return closed.size();
 }
 
 /// Jᵀ of a unit impulse along n, over all unknowns.
@@ -59,8 +63,9 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
       ve_tool_(tool),
       v_(Velocity::Zero(tool.dof())),
       limits_(tool, q),
-      external_(tool.links.size(), WrenchField(tool.length)),
-      load_(GeneralisedForce::Zero(tool.dof())) {
+      external_(tool),
+      load_(GeneralisedForce::Zero(tool.dof())),
+      search_(dt) {
   proxy_.set_configuration(q);
   ve_tool_.set_configuration(q);
 }
@@ -71,22 +76,21 @@ ContactWrench LocalModel::step(const HandInput& hand, bool floats) noexcept {
   const Eigen::LLT<MassMatrix> D(mass);
   const Jacobian J_h = proxy_.hand_jacobian();
   const HandMap H = hand_map(proxy_, D, J_h);
-  begin_step(bodies_, mechanisms_, dt_);
-  FrameMotions frames(proxy_, &v_, bodies_, dt_);
+  begin_step(bodies_.local(), bodies_.mechanisms(), dt_);
+  FrameMotions frames(proxy_, &v_, bodies(), dt_);
   evaluate(frames);
-  limit_stiffness(frames, D, H);
+  stiffness_limit_.limit(proxy_, contacts(), frames, D, H, parameters_, dt_);
 
   ContactWrench felt;
   if (state_ == ProxyContactState::kColliding) {
     felt.impulse = H.lazyProduct(collide(frames, D));
-    frames = FrameMotions(proxy_, &v_, bodies_, dt_);
+    frames = FrameMotions(proxy_, &v_, bodies(), dt_);
   }
 
   // E x = r + Δt Σ J_iᵀ f_i: Eq. 7 with the hand's and external wrenches at the end of the step,
   // and the bodies.
   const ContactLaw law = contact_law(parameters_.contact_step);
   const bool implicit = law.step == ContactStep::kImplicit;
-  const int d = proxy_.dof();
   MassMatrix E = mass;
   GeneralisedForce weight = proxy_.gravity();
   if (floats) weight.setZero();
@@ -97,28 +101,12 @@ ContactWrench LocalModel::step(const HandInput& hand, bool floats) noexcept {
     E += dt_ * (J_h.transpose() * impedance.asDiagonal() * J_h);
     r += dt_ * J_h.transpose().lazyProduct(Vector6(hand.damping.cwiseProduct(V)));
   }
-  begin_external(E, r);
-  GeneralisedForce tau;
+  external_.begin_step(proxy_, v_, dt_, E, r);
   Unknowns x;
-  if (implicit) {
-    StepSystem system = unit_system(frames);
-    system.E.topLeftCorner(d, d) = E;
-    system.r.head(d) = r;
-    const std::array<ContactGroup, 3> groups{
-        {{present(), law},
-         {limits_.contacts(), law},
-         {present_supports(), support_law(dt_, kSupportFriction)}}};
-    x = solve_contact_step(groups, frames, system);
-    correct_step(groups, frames, system, x);
-    if (!x.allFinite()) x.setZero();  // Levers and speeds beyond numbers: what is deep pushes.
-    tau = apply_contact_forces(groups[0], frames, x).head(d);
-    tau += apply_contact_forces(groups[1], frames, x).head(d);
-    apply_contact_forces(groups[2], frames, x);
-  } else {
-    tau = apply_explicitly(frames, law, x);
-  }
+  const GeneralisedForce tau =
+      implicit ? apply_implicitly(frames, law, E, r, x) : apply_explicitly(frames, law, x);
   v_ = E.llt().solve(r + dt_ * tau);
-  load_ = end_external() - weight;
+  load_ = external_.end_step(proxy_, v_, dt_) - weight;
   move_freely(proxy_, v_, dt_);
   felt.weight = H.lazyProduct(load_);
   felt.F = H.lazyProduct(tau) + felt.weight;
@@ -129,28 +117,50 @@ ContactWrench LocalModel::step(const HandInput& hand, bool floats) noexcept {
 ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noexcept {
   proxy_.set_configuration(q);
   v_ = v;
-  looked_ = false;
+  search_.set_looked(false);
   look_around();
   const Eigen::LLT<MassMatrix> D(proxy_.mass_matrix());
   const HandMap H = hand_map(proxy_, D, proxy_.hand_jacobian());
-  begin_step(bodies_, mechanisms_, dt_);
-  const FrameMotions frames(proxy_, &v_, bodies_, dt_);
+  begin_step(bodies_.local(), bodies_.mechanisms(), dt_);
+  const FrameMotions frames(proxy_, &v_, bodies(), dt_);
   evaluate(frames);
-  limit_stiffness(frames, D, H);
+  stiffness_limit_.limit(proxy_, contacts(), frames, D, H, parameters_, dt_);
 
   Unknowns x;
   ContactLaw law = contact_law(ContactStep::kExplicit);
-  law.rendered = rendered_;
+  law.rendered = tank_.rendered();
   const GeneralisedForce tau = apply_explicitly(frames, law, x);
   GeneralisedForce r = GeneralisedForce::Zero(proxy_.dof());
   MassMatrix E = MassMatrix::Zero(proxy_.dof(), proxy_.dof());  // Of no use: v is given.
-  begin_external(E, r);
-  load_ = end_external() - proxy_.gravity();
+  external_.begin_step(proxy_, v_, dt_, E, r);
+  load_ = external_.end_step(proxy_, v_, dt_) - proxy_.gravity();
   ContactWrench felt;
   felt.weight = H.lazyProduct(load_);
   felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;
+}
+
+/// The contacts with their forces at the end of the step, for which x solves it: returns what they
+/// do to the tool.
+GeneralisedForce LocalModel::apply_implicitly(const FrameMotions& frames, const ContactLaw& law,
+                                              const MassMatrix& E, const GeneralisedForce& r,
+                                              Unknowns& x) noexcept {
+  const int d = proxy_.dof();
+  StepSystem system = unit_system(frames);
+  system.E.topLeftCorner(d, d) = E;
+  system.r.head(d) = r;
+  const std::array<ContactGroup, 3> groups{
+      {{contacts_.contacts(), law},
+       {limits_.contacts(), law},
+       {contacts_.supports(), support_law(dt_, kSupportFriction)}}};
+  x = solve_contact_step(groups, frames, system);
+  correct_step(groups, frames, system, x);
+  if (!x.allFinite()) x.setZero();  // Levers and speeds beyond numbers: what is deep pushes.
+  GeneralisedForce tau = apply_contact_forces(groups[0], frames, x).head(d);
+  tau += apply_contact_forces(groups[1], frames, x).head(d);
+  apply_contact_forces(groups[2], frames, x);
+  return tau;
 }
 
 /// The tool's contacts with their forces at the start of the step: returns what they do to the
@@ -160,9 +170,9 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
   const int d = proxy_.dof();
   x.setZero(frames.unknowns());
   x.head(d) = v_;
-  Unknowns tau = apply_contact_forces({present(), law}, frames, x);
+  Unknowns tau = apply_contact_forces({contacts_.contacts(), law}, frames, x);
   tau += apply_contact_forces({limits_.contacts(), law}, frames, x);
-  const ContactGroup supports{present_supports(), support_law(dt_, kSupportFriction)};
+  const ContactGroup supports{contacts_.supports(), support_law(dt_, kSupportFriction)};
   StepSystem system = unit_system(frames);
   system.r.tail(x.size() - d) = dt_ * tau.tail(x.size() - d);
   x.tail(x.size() - d) = solve_contact_step({&supports, 1}, frames, system).tail(x.size() - d);
@@ -175,7 +185,7 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
 void LocalModel::report_impulses() noexcept {
   BodyImpulses::Slots evenly;
   const FrameIndex first = frame_of_body(proxy_, 0);
-  for (const LocalBody& body : bodies_) {
+  for (const LocalBody& body : bodies()) {
     const ContactSide side{SideKind::kMovableBody, body.id};
     const auto leans = [&](const LocalContact& contact) {
       return contact.latest.loaded && contact.frame_a >= first && contact.frame_b >= first &&
@@ -202,22 +212,18 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
   for (const LocalContact& contact : contacts()) {
     const double depth = std::min(contact.now.s, 0.0);
     taken += contact.latest.taken;
-    stored += stiffness_scale_ * parameters_.stiffness * depth * depth / 2;
+    stored += stiffness_limit_.factor() * parameters_.stiffness * depth * depth / 2;
     if (contact.latest.loaded) add_impulse(contact, dt_ * contact.latest.f_W);
   }
-  fill_tank(taken);
-  // What the springs hold comes back when they are let go: that much debt is not forgotten.
-  tank_ = std::max(tank_, -kTankSize - stored);
+  tank_.fill(taken);
+  tank_.bound_debt(stored);
   impulses_.end_step();
-  advance_bodies(bodies_, mechanisms_, proxy_, frames, x, dt_);
-  const FramePoses poses = poses_of(proxy_, bodies_);
-  advance_constraints(present_supports(), dt_);
-  advance_contacts(present(), poses, policy(), dt_, tank_);
-  advance_near_bodies();
-}
-
-void LocalModel::fill_tank(double energy) noexcept {
-  if (std::isfinite(energy)) tank_ = std::min(tank_ + energy, kTankSize);
+  advance_bodies(bodies_.local(), bodies_.mechanisms(), proxy_, frames, x, dt_);
+  const FramePoses poses = poses_of(proxy_, bodies());
+  advance_constraints(contacts_.supports(), dt_);
+  advance_contacts(contacts_.contacts(), poses, policy(), dt_, tank_.energy());
+  bodies_.advance(dt_);
+  search_.set_looked(false);
 }
 
 /// Keeps an impulse (N·s, world, at the contact's point) on side a, of which a body on side b
@@ -226,7 +232,7 @@ void LocalModel::add_impulse(const LocalContact& contact, const Vector3& P_W) no
   const auto add = [&](FrameIndex frame, const Vector3& impulse) {
     const auto first = frame_of_body(proxy_, 0);
     if (frame < first) return;
-    const LocalBody& body = bodies_[static_cast<std::size_t>(frame - first)];
+    const LocalBody& body = bodies()[static_cast<std::size_t>(frame - first)];
     if (body.inertia) return;
     Vector6 P;
     P << impulse, (contact.now.p_W - body.X_WB.p).cross(impulse);
@@ -240,27 +246,19 @@ void LocalModel::add_impulse(const LocalContact& contact, const Vector3& P_W) no
 GeneralisedForce LocalModel::collide(const FrameMotions& frames,
                                      const Eigen::LLT<MassMatrix>& D) noexcept {
   const int d = proxy_.dof();
-  StaticVector<const LocalContact*, kMaxCollisions> closed;
-  const auto collect = [&closed](const LocalContacts& contacts) {
-    for (const LocalContact& contact : contacts) {
-      if (is_closed(contact) && closed.size() < closed.capacity()) closed.push_back(&contact);
-    }
-    return closed.size();
-  };
-  collect(limits());
-  const std::size_t felt = collect(contacts());
-  collect(supports());
+  ClosedContacts closed;
+  collect(limits(), closed);
+  const auto felt = static_cast<Eigen::Index>(collect(contacts(), closed));
+  const auto count = static_cast<Eigen::Index>(collect(supports(), closed));
 
-  const auto count = static_cast<Eigen::Index>(closed.size());
   ImpulseColumns A(frames.unknowns(), count);
   ContactNumbers w(count);
   bool constraints_move = false;
   for (Eigen::Index i = 0; i < count; ++i) {
-    const auto index = static_cast<std::size_t>(i);
-    const LocalContact& contact = *closed[index];
+    const LocalContact& contact = *closed[static_cast<std::size_t>(i)];
     A.col(i) = along_normal(contact, frames);
     A.col(i).head(d) = D.matrixL().solve(A.col(i).head(d));
-    const double e = index < felt ? parameters_.restitution : 0;
+    const double e = i < felt ? parameters_.restitution : 0;
     const double v_n = contact.now.v_n + contact.now.n_W.dot(contact.constraint.v_WC -
                                                              contact.constraint.v_reported_W);
     w[i] = (1 + e) * v_n;
@@ -268,64 +266,44 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
   }
   const ContactNumbers p = collision_impulses(parameters_.collision_rule, A, w,
                                               constraints_move ? kWedgeAngle : kDistinctAngle);
-
   const Unknowns u = A.lazyProduct(p);
   // Half of p·(v⁻ + v⁺) is what the impulses do to the kinetic energy.
   const ContactNumbers after = A.transpose().lazyProduct(u);
-  for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(felt); ++i) {
+  for (Eigen::Index i = 0; i < felt; ++i) {
     const double v_n = closed[static_cast<std::size_t>(i)]->now.v_n;
-    fill_tank(std::max(0.0, -p[i] * (v_n + 0.5 * after[i])));
+    tank_.fill(std::max(0.0, -p[i] * (v_n + 0.5 * after[i])));
   }
   const GeneralisedForce on_tool = D.matrixL() * GeneralisedForce(u.head(d));
   v_ += D.solve(on_tool);
-  const std::size_t first = frame_of_body(proxy_, 0);
-  for (std::size_t slot = 0; slot < bodies_.size(); ++slot) {
-    const FrameMotion& frame = frames[static_cast<FrameIndex>(first + slot)];
-    LocalBody& body = bodies_[slot];
-    const auto y = u.segment(frame.first, frame.J.cols());
-    body.V_W += body.B.lazyProduct(y);
-    if (body.mechanism >= 0 && body.member == 0) {
-      mechanisms_[static_cast<std::size_t>(body.mechanism)].push(y);
-    }
-  }
-  for (std::size_t i = 0; i < felt; ++i) {
-    if (p[static_cast<Eigen::Index>(i)] == 0) continue;
-    add_impulse(*closed[i], p[static_cast<Eigen::Index>(i)] * closed[i]->now.n_W);
+  bodies_.push(frames, frame_of_body(proxy_, 0), u);
+  for (Eigen::Index i = 0; i < felt; ++i) {
+    const LocalContact& contact = *closed[static_cast<std::size_t>(i)];
+    if (p[i] != 0) add_impulse(contact, p[i] * contact.now.n_W);
   }
   return on_tool;
 }
 
-void LocalModel::limit_stiffness(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D,
-                                 const HandMap& H) noexcept {
-  if (contacts().empty()) return;  // A hand that bounces back finds what it left.
-  const double target = stiffness_limit_.scale(proxy_, contacts(), frames, D, H, parameters_);
-  const bool touches =
-      std::ranges::any_of(contacts(), [](const auto& contact) { return contact.now.s < 0; });
-  const double change = touches ? kStiffnessScaleRate * dt_ : 1;
-  stiffness_scale_ = std::clamp(target, stiffness_scale_ - change, stiffness_scale_ + change);
-}
-
 void LocalModel::evaluate(const FrameMotions& frames) noexcept {
-  evaluate_contacts(present(), frames);
+  evaluate_contacts(contacts_.contacts(), frames);
   limits_.place(proxy_);
   evaluate_contacts(limits_.contacts(), frames);
-  evaluate_contacts(present_supports(), frames);
+  evaluate_contacts(contacts_.supports(), frames);
   state_ = proxy_state({&contacts(), &limits()});
 }
 
 UpdatePolicy LocalModel::policy() const noexcept {
   return {.rule = parameters_.update_rule,
           .release_force = parameters_.release_step,
-          .stiffness = stiffness_scale_ * parameters_.stiffness,
-          .damping = stiffness_scale_ * parameters_.damping,
+          .stiffness = stiffness_limit_.factor() * parameters_.stiffness,
+          .damping = stiffness_limit_.factor() * parameters_.damping,
           .healing_step = parameters_.healing_speed * dt_,
           .healing_share = dt_ / kHealingTime,
           .recovery_steps = parameters_.recovery_steps};
 }
 
 ContactLaw LocalModel::contact_law(ContactStep step) const noexcept {
-  return {.stiffness = stiffness_scale_ * parameters_.stiffness,
-          .damping = stiffness_scale_ * parameters_.damping,
+  return {.stiffness = stiffness_limit_.factor() * parameters_.stiffness,
+          .damping = stiffness_limit_.factor() * parameters_.damping,
           .static_friction = parameters_.static_friction,
           .kinetic_friction = parameters_.kinetic_friction,
           .dt = dt_,

@@ -35,58 +35,129 @@ std::uint64_t whole_steps(double steps) noexcept {
   return static_cast<std::uint64_t>(std::max(0.0, steps));
 }
 
+/// A contact with a body goes over from the world's frame to the body's, or back.
+void reframe(LocalContact& contact, FrameIndex frame_b, const Placement& X_WB) noexcept {
+  const bool to_world = frame_b == kWorldFrame;
+  const bool changes = to_world != (contact.frame_b == kWorldFrame);
+  contact.frame_b = frame_b;
+  if (!changes) return;
+  LocalContact::Constraint& constraint = contact.constraint;
+  if (to_world) {
+    constraint.c_B = contact.now.c_W;
+    constraint.n_P = contact.now.n_W;
+  } else {
+    constraint.c_B = X_WB.inverse() * constraint.c_B;
+    constraint.n_P = X_WB.R.transpose() * constraint.n_P;
+  }
+  constraint.plane = PlaneOwner::kB;
+  constraint.v_constr = 0;
+  constraint.v_WC.setZero();
+  constraint.v_reported_W.setZero();
+}
+
 }  // namespace
 
 void LocalModel::adopt(const ModelUpdate& update) noexcept {
   ve_tool_.set_configuration(update.q_VE);
-  adopt_external(update);
-  unheard_ = 0;
+  external_.adopt(update, ve_tool_);
   impulses_.end_silence();
-  may_hold_ = update.holds;
-  const LocalBodies held = that_stay(update);
+  const LocalBodies held = bodies_.that_stay(update, search_.scene());
   const auto now = static_cast<double>(impulses_.world_step());
   // An environment that does not say which step its bodies are at has them as old as its contacts.
   const double state_step = update.impulse_step > 0
                                 ? std::min(impulses_.world_step(update.impulse_step), now)
                                 : now - update.age / dt_;
-  LocalBodies bodies = with_reported(held, update, state_step);
-  adopt_poses(update, bodies);
-  if (holds() && !moves_ahead() && bodies.size() == held.size()) return adopt_held(update, held);
+  const LocalBodies reported = with_reported(held, update, state_step);
+  bodies_.adopt_poses(update, reported, search_.scene());
+  if (holds() && !moves_ahead() && reported.size() == held.size()) return adopt_held(update, held);
+  adopt_ahead(update, held, reported, state_step);
+}
+
+/// Nothing is moved ahead of reports: the contacts of what is held go on.
+void LocalModel::adopt_held(const ModelUpdate& update, const LocalBodies& held) noexcept {
+  set_bodies(held);
+  UpdateFrames frames{.tool = proxy_,
+                      .bodies = bodies(),
+                      .reported = poses_of(ve_tool_, bodies()),
+                      .before = poses_of(proxy_, bodies())};
+  frames.set_now(frames.before);
+  const LocalContacts& existing = contacts();
+  const LocalContacts& existing_supports = supports();
+  contacts_.renew();
+  adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness,
+                 contacts_.supports());
+  tank_.fill(
+      adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_.contacts()));
+  keep_scene(existing, contacts_.contacts());
+  keep_scene(existing_supports, contacts_.supports());
+  for (LocalContacts* contacts : {&contacts_.contacts(), &contacts_.supports()}) {
+    std::ranges::sort(*contacts, {}, &LocalContact::identity);
+  }
+  search_.change().of_bodies = true;
+  search_.set_looked(false);
+}
+
+/// Bodies are brought from the world step that the update is about to the present.
+void LocalModel::adopt_ahead(const ModelUpdate& update, const LocalBodies& held,
+                             const LocalBodies& as_reported, double state_step) noexcept {
+  const auto now = static_cast<double>(impulses_.world_step());
+  LocalBodies bodies = as_reported;
   go_back(bodies, held.size(), (now - replay_start(state_step)) * dt_);
   UpdateFrames frames{.tool = proxy_,
                       .bodies = bodies,
                       .reported = poses_of(ve_tool_, bodies),
-                      .before = poses_of(proxy_, bodies_)};
+                      .before = poses_of(proxy_, bodies_.local())};
   const LocalContacts& existing = contacts();
   const LocalContacts& existing_supports = supports();
-  current_ = 1 - current_;
-  adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
-  for (const LocalBody& body : held) change_.steady.push_back(body.id);
+  contacts_.renew();
+  adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness,
+                 contacts_.supports());
+  for (const LocalBody& body : held) search_.change().steady.push_back(body.id);
   adopt_supports_of_scene(existing_supports, frames, bodies);
-  scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), present_supports());
+  scale_friction(bodies, bodies_.local(), frame_of_body(proxy_, 0), contacts_.supports());
   const LocalBodies reported = bodies;
   replay(bodies, state_step);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].is_plausible()) bodies[i].hold(reported[i].X_WB);
   }
   std::ranges::copy(held, bodies.begin());
-  keep_supports_of_held(existing_supports, frames, present_supports());
+  keep_supports_of_held(existing_supports, frames, contacts_.supports());
   frames.set_now(poses_of(proxy_, bodies));
-  fill_tank(
-      adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]));
+  tank_.fill(
+      adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_.contacts()));
   adopt_contacts_of_scene(existing, frames, bodies);
   correct_gradually(bodies, update.period);
   const FrictionReport report{.contacts = update.contacts,
                               .kinetic_friction = parameters_.kinetic_friction,
                               .ahead = kSupportFriction,
-                              .elapsed = (state_step - adopted_step_) * dt_,
+                              .elapsed = (state_step - impulses_.adopt(state_step)) * dt_,
                               .late = (now - state_step) * dt_};
   for (std::size_t i = held.size(); i < bodies.size(); ++i) {
     learn_friction(bodies[i], reported[i].X_WB, reported[i].V_W, report);
   }
-  adopted_step_ = state_step;
-  keep_mechanisms(bodies);
-  bodies_ = bodies;
+  bodies_.set(bodies);
+}
+
+/// Other bodies are the local model's from here on.
+void LocalModel::set_bodies(const LocalBodies& others) noexcept {
+  bodies_.set(others);
+  reframe_contacts();
+}
+
+/// Contacts go over to the frames of the bodies that there are. What was on one that is gone stays
+/// in the world, as the tool's, or goes.
+void LocalModel::reframe_contacts() noexcept {
+  const FramePoses poses = poses_of(proxy_, bodies());
+  for (LocalContacts* contacts : {&contacts_.contacts(), &contacts_.supports()}) {
+    erase_if(*contacts, [&](LocalContact& contact) {
+      const auto a = frame_of(contact.a, proxy_, bodies());
+      const auto b = frame_of(contact.b, proxy_, bodies());
+      if (!a || !b || *a == kWorldFrame) return true;
+      contact.frame_a = *a;
+      reframe(contact, *b, poses[*b]);
+      return false;
+    });
+  }
 }
 
 /// Those that are held, then the bodies that the environment moves and the server moves ahead of
@@ -108,35 +179,22 @@ LocalBodies LocalModel::with_reported(const LocalBodies& held, const ModelUpdate
   return bodies;
 }
 
-bool LocalModel::moves_ahead() const noexcept {
-  return std::ranges::any_of(bodies_, [](const LocalBody& body) { return !body.inertia; });
-}
-
 void LocalModel::release_bodies() noexcept {
   const LocalBodies none;
   UpdateFrames frames{.tool = proxy_,
                       .bodies = none,
                       .reported = poses_of(proxy_, none),
-                      .before = poses_of(proxy_, bodies_)};
+                      .before = poses_of(proxy_, bodies())};
   frames.set_now(frames.reported);
-  server::release_bodies(contacts_[current_], frames, policy());
-  present_supports().clear();
-  forget_bodies_of_scene();
-  bodies_.clear();
-  mechanisms_.clear();
+  server::release_bodies(contacts_.contacts(), frames, policy());
+  contacts_.supports().clear();
+  bodies_.forget_local(search_.scene());
   impulses_.begin_silence();
 }
 
 void LocalModel::stop_ahead() noexcept {
   if (!moves_ahead()) return;
-  for (NearBody& near : near_bodies_) {
-    const auto local = std::ranges::find(bodies_, near.pose.body, &LocalBody::id);
-    if (local == bodies_.end() || local->inertia) continue;
-    near.pose = {.body = near.pose.body, .X_WB = local->X_WB * near.X_CB};
-  }
-  LocalBodies held = bodies_;
-  erase_if(held, [](const LocalBody& body) { return !body.inertia; });
-  set_bodies(held);
+  set_bodies(bodies_.stop_ahead());
   impulses_.begin_silence();
 }
 
@@ -158,9 +216,9 @@ void LocalModel::replay(LocalBodies& bodies, double from) noexcept {
   std::uint64_t done = whole_steps(start);
   double into_step = start - static_cast<double>(done);
   std::uint64_t most = std::max<std::uint64_t>(8, 2 * kReplaySteps / (1 + bodies.size()));
-  if (cut_ != geometry::FinderCut{}) most = kReplayStepsInCrowd;
+  if (search_.is_cut()) most = kReplayStepsInCrowd;
   const std::uint64_t stride = (now - done + most - 1) / most;
-  const geometry::Work::Allowance allowance(work_in_tick(1 - kWorkOfTool));
+  const geometry::Work::Allowance allowance(search_.work_in_tick(SceneSearch::kWorkOfBodies));
   while (done < now) {
     const std::uint64_t next = std::min(done + stride, now);
     const double dt = (static_cast<double>(next - done) - into_step) * dt_;
@@ -170,7 +228,7 @@ void LocalModel::replay(LocalBodies& bodies, double from) noexcept {
       body.V_W += body.B * body.B.transpose().lazyProduct(P);
     }
     look_along(bodies, dt);
-    LocalContacts& supports = present_supports();
+    LocalContacts& supports = contacts_.supports();
     const FrameMotions frames(proxy_, nullptr, bodies, dt);
     evaluate_contacts(supports, frames);
     const ContactGroup group{supports, support_law(dt, 1)};
@@ -187,7 +245,7 @@ void LocalModel::replay(LocalBodies& bodies, double from) noexcept {
 /// over one frame, or slower where that would make the damping force jump.
 void LocalModel::correct_gradually(LocalBodies& updated, double period) const noexcept {
   for (LocalBody& body : updated) {
-    for (const LocalBody& known : bodies_) {
+    for (const LocalBody& known : this->bodies()) {
       if (known.id != body.id || body.inertia || !known.is_plausible()) continue;
       body.correction = body.V_W - known.V_W;
       const double frame = std::clamp(period, dt_, kLongestCorrection) / dt_;

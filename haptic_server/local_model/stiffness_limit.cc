@@ -9,6 +9,10 @@
 namespace hlm::server {
 namespace {
 
+/// How fast the factor may change, 1/s. Faster is felt as a jump where contacts come or go under
+/// load; slower leaves the stiffness above its limit for longer.
+constexpr double kFactorRate = 10;
+
 /// Relative excess over a limit that is rounding.
 constexpr double kLimitRounding = 1e-9;
 
@@ -94,6 +98,18 @@ double StiffnessLimit::largest_of(const Matrix3& per_k) noexcept {
     largest_ = largest_eigenvalue(per_k);
   }
   return largest_;
+}
+
+void StiffnessLimit::limit(const ToolModel& tool, const LocalContacts& contacts,
+                           const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D,
+                           const HandMap& H, const LocalModelParameters& parameters,
+                           double dt) noexcept {
+  if (contacts.empty()) return;  // A hand that bounces back finds what it left.
+  const double target = scale(tool, contacts, frames, D, H, parameters);
+  const bool touches =
+      std::ranges::any_of(contacts, [](const auto& contact) { return contact.now.s < 0; });
+  const double change = touches ? kFactorRate * dt : 1;
+  factor_ = std::clamp(target, factor_ - change, factor_ + change);
 }
 
 double StiffnessLimit::scale(const ToolModel& tool, const LocalContacts& contacts,
