@@ -4,6 +4,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -44,6 +45,10 @@ namespace {
 
 using namespace hlm;
 using protocol::SealedClientLink;
+
+/// In options that haptic_default_options() has made: any number that memory does not hold by
+/// chance.
+constexpr std::uint32_t kMadeOfDefaults = 0x48617031;
 
 constexpr Range kDuration{0, 1e6, "s", true};  // Of a step, or of a frame's steps.
 constexpr Range kEpsilon{0, 1, "m"};           // More are millimetres.
@@ -399,12 +404,18 @@ haptic_options haptic_default_options(void) {
   options.rate = 60;
   options.epsilon = 0.005;
   options.clears_fault = 1;
+  options.made_of_defaults = kMadeOfDefaults;
   return options;
 }
 
 haptic_session* haptic_open(const haptic_options* options, char* error, std::size_t error_size) {
   try {
     require(options, "options");
+    if (options->made_of_defaults != kMadeOfDefaults) {
+      throw std::invalid_argument(
+          "options must be begun with haptic_default_options(): what is in them otherwise is "
+          "chance");
+    }
     return new haptic_session(*options);
   } catch (const std::exception& failure) {
     if (error != nullptr) copy(failure.what(), error, error_size);

@@ -83,6 +83,7 @@ typedef struct haptic_options {
   double rate;                        /* of the simulator's steps, Hz */
   double epsilon;                     /* contacts are sent up to this separation, m, 0 to 1 */
   int32_t clears_fault;               /* 1: a person asks for this session: ends a released fault */
+  uint32_t made_of_defaults;          /* leave it as haptic_default_options() has it */
 } haptic_options;
 
 enum haptic_side { HAPTIC_WORLD = 0, HAPTIC_TOOL_LINK = 1, HAPTIC_MOVABLE_BODY = 2 };
@@ -264,8 +265,8 @@ HAPTIC_API haptic_options haptic_default_options(void);
 /* A solid box of that mass and those edge lengths as a link, free: a start for your own. */
 HAPTIC_API haptic_link haptic_box(double mass, const double size[3]);
 
-/* NULL if the options cannot be used; `error` then says why, in one line. A server that is named
- * need not run yet: it is asked until it answers. */
+/* NULL if the options cannot be used, or were not begun with haptic_default_options(); `error` then
+ * says why, in one line. A server that is named need not run yet: it is asked until it answers. */
 HAPTIC_API haptic_session* haptic_open(const haptic_options* options, char* error,
                                        size_t error_size);
 /* A sentence on the server that this session started, with a simulated device at a free port of

@@ -34,7 +34,7 @@ koffi.struct('haptic_link', {
 koffi.struct('haptic_options', {
   server: 'const char*', key_file: 'const char*', links: 'haptic_link*', link_count: 'size_t', hand_link: 'int32_t',
   hand_position: doubles(3), hand_rotation: doubles(4), gravity: doubles(3), length: 'double', q: doubles(17),
-  rate: 'double', epsilon: 'double', clears_fault: 'int32_t',
+  rate: 'double', epsilon: 'double', clears_fault: 'int32_t', made_of_defaults: 'uint32_t',
 });
 koffi.struct('haptic_contact', {
   identity: 'uint64_t', pair: 'uint32_t', axis: 'uint16_t', a_kind: 'uint8_t', b_kind: 'uint8_t', a_index: 'uint32_t',

@@ -1,6 +1,7 @@
 // The C interface is what its number promises: a program that was compiled with HAPTIC_ABI n finds
 // its structures as they were. Who changes one raises the number and writes the new layout here.
 #include <cstddef>
+#include <cstring>
 #include <map>
 #include <sstream>
 #include <string>
@@ -23,7 +24,8 @@ std::string layout() {
   FIELD(options, server), FIELD(options, key_file), FIELD(options, links);
   FIELD(options, link_count), FIELD(options, hand_link), FIELD(options, hand_position);
   FIELD(options, hand_rotation), FIELD(options, gravity), FIELD(options, length);
-  FIELD(options, q), FIELD(options, rate), FIELD(options, epsilon), FIELD(options, clears_fault);
+  FIELD(options, q), FIELD(options, rate), FIELD(options, epsilon), FIELD(options, clears_fault),
+      FIELD(options, made_of_defaults);
   STRUCT(contact);
   FIELD(contact, identity), FIELD(contact, pair), FIELD(contact, axis), FIELD(contact, a_kind);
   FIELD(contact, b_kind), FIELD(contact, a_index), FIELD(contact, b_index), FIELD(contact, point);
@@ -72,7 +74,7 @@ std::string layout() {
 /// Sizes and offsets in bytes, by HAPTIC_ABI, on a machine of 64 bits.
 const std::map<int, std::string> kLayouts{{5, R"(
 link 208: parent 0 joint 4 position 8 rotation 32 axis 64 mass 88 centre 96 inertia 120 lower 192 upper 200
-options 288: server 0 key_file 8 links 16 link_count 24 hand_link 32 hand_position 40 hand_rotation 64 gravity 96 length 120 q 128 rate 264 epsilon 272 clears_fault 280
+options 288: server 0 key_file 8 links 16 link_count 24 hand_link 32 hand_position 40 hand_rotation 64 gravity 96 length 120 q 128 rate 264 epsilon 272 clears_fault 280 made_of_defaults 284
 contact 128: identity 0 pair 8 axis 12 a_kind 14 b_kind 15 a_index 16 b_index 20 point 24 normal 48 separation 72 velocity 80 friction 104 load 112 plane 120
 body 440: id 0 round 4 centre 8 velocity 32 inverse_inertia 80 acceleration 368 axis 416
 impulse 56: body 0 reserved 4 impulse 8
@@ -89,6 +91,18 @@ TEST_CASE("Structures of the C interface are those of its number, HAPTIC_ABI") {
   INFO("a changed structure needs another HAPTIC_ABI, and its layout here");
   CHECK(layout() == kLayouts.at(HAPTIC_ABI));
   CHECK(haptic_abi() == HAPTIC_ABI);
+}
+
+TEST_CASE("Options that were not begun with the defaults are refused, whatever is in them") {
+  haptic_options options;
+  std::memset(&options, 0xa5, sizeof options);  // As a stack may be: no pointer is one.
+  char error[HAPTIC_MAX_TEXT] = "";
+  CHECK(haptic_open(&options, error, sizeof error) == nullptr);
+  CHECK_THAT(error, Catch::Contains("must be begun with haptic_default_options()"));
+
+  options = {};
+  CHECK(haptic_open(&options, error, sizeof error) == nullptr);
+  CHECK_THAT(error, Catch::Contains("must be begun with haptic_default_options()"));
 }
 
 }  // namespace

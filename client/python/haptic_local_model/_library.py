@@ -28,7 +28,7 @@ class Options(ctypes.Structure):
                 ("link_count", _size), ("hand_link", _int), ("hand_position", _double * 3),
                 ("hand_rotation", _double * 4), ("gravity", _double * 3), ("length", _double),
                 ("q", _double * MAX_CONFIGURATION), ("rate", _double), ("epsilon", _double),
-                ("clears_fault", _int)]
+                ("clears_fault", _int), ("made_of_defaults", ctypes.c_uint32)]
 
 
 class Impulse(ctypes.Structure):
