@@ -7,6 +7,9 @@
 #include "hlm/common/tool_model.h"
 
 namespace hlm::ve {
+
+using namespace geometry;
+
 namespace {
 
 using page_wire::Kind;

@@ -14,6 +14,9 @@
 #include "hlm/page/tick_columns.h"
 
 namespace hlm::ve {
+
+using namespace geometry;
+
 namespace {
 
 using nlohmann::json;

@@ -17,16 +17,8 @@
 
 namespace hlm::ve {
 
-using geometry::Box;
-using geometry::Capsule;
-using geometry::Cylinder;
-using geometry::Ellipsoid;
-using geometry::HalfSpace;
-using geometry::Hull;
-using geometry::HullFaces;
 using geometry::Mesh;
 using geometry::Shape;
-using geometry::Sphere;
 
 /// What is seen of a body, in its frame.
 struct PageShape {

@@ -83,10 +83,12 @@ TEST_CASE("Tool, world and bodies have the shapes that the session offered") {
   CHECK(world.bodies[0].is_tool);
   CHECK(world.bodies[0].X_WB.p == Vector3(0, 0, 0.3));
   REQUIRE(world.bodies[0].shapes.size() == 1);
-  CHECK(std::get<Sphere>(std::get<Shape>(world.bodies[0].shapes[0].geometry)).radius == 0.02);
+  CHECK(std::get<geometry::Sphere>(std::get<Shape>(world.bodies[0].shapes[0].geometry)).radius ==
+        0.02);
   CHECK(world.bodies[1].fixed);
   REQUIRE(world.bodies[1].shapes.size() == 1);
-  CHECK(std::holds_alternative<HalfSpace>(std::get<Shape>(world.bodies[1].shapes[0].geometry)));
+  CHECK(std::holds_alternative<geometry::HalfSpace>(
+      std::get<Shape>(world.bodies[1].shapes[0].geometry)));
   CHECK_FALSE(world.environment);
 }
 
@@ -139,7 +141,8 @@ TEST_CASE("A session that offers no shapes has a ball of the tool's size") {
   const PageWorld world = told.followed.world();
   REQUIRE(world.bodies.size() == 2);
   REQUIRE(world.bodies[0].shapes.size() == 1);
-  CHECK(std::get<Sphere>(std::get<Shape>(world.bodies[0].shapes[0].geometry)).radius == 0.05);
+  CHECK(std::get<geometry::Sphere>(std::get<Shape>(world.bodies[0].shapes[0].geometry)).radius ==
+        0.05);
   CHECK(world.bodies[1].shapes.empty());
 }
 
