@@ -59,7 +59,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   record_ = TickRecord{};
   port_.clear();
   had_session_ = machine_.simulates();
-  if (had_session_ && session_.step() > 0) miss(timing.missed);
+  if (had_session_ && session_.step() > 0) miss(timing);
   advance_session(inbox, timing);
   scene_.load(inbox, link_, model_, clocks_, timing);
   if (inbox.control != nullptr && machine_.simulates()) apply(*inbox.control);
@@ -76,10 +76,10 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
 
 /// Periods went by without a tick. The device has held its force, unless its guard has taken the
 /// motors off, and the environment's time went on.
-void Servo::miss(std::uint64_t periods) noexcept {
-  if (static_cast<double>(periods) * clocks_.dt() > options_.max_gap) return;  // A fault.
-  session_.advance(periods);
-  model_->miss(periods, !port_.halted());
+void Servo::miss(const Timing& timing) noexcept {
+  if (clocks_.stalled(timing)) return;  // A fault.
+  session_.advance(timing.missed);
+  model_->miss(timing.missed, !port_.halted());
 }
 
 void Servo::obey(Intervention intervention) noexcept {

@@ -67,7 +67,7 @@ class Servo {
   void adopt(const protocol::ContactUpdate& update) noexcept;
 
   // A step.
-  void miss(std::uint64_t periods) noexcept;
+  void miss(const Timing& timing) noexcept;
   void simulate() noexcept;
   ContactWrench move_proxy(const DeviceState& device) noexcept;
   ContactWrench step_proxy(const DeviceState& device) noexcept;
