@@ -7,10 +7,21 @@
 namespace hlm::server {
 namespace {
 
-/// Of the simulated device alone: it is linked with no other. Throws settings::UsageError.
+/// The list of devices, which has one here, would not say why. Throws settings::UsageError.
+void refuse_real_devices(const std::vector<std::string>& arguments) {
+  const auto device = std::ranges::find(arguments, "--device");
+  if (device == arguments.end() || device + 1 == arguments.end()) return;
+  const std::string& name = *(device + 1);
+  if (name == "simulated") return;
+  throw settings::UsageError("--device " + name +
+                             " must be simulated: no other device has a virtual time");
+}
+
+/// Throws settings::UsageError.
 void read(const std::vector<std::string>& arguments, PhysicsOptions& options) {
   settings::CommandLine command_line({.name = "haptic_server", .purpose = "", .footer = ""});
   add_options(command_line, options);
+  refuse_real_devices(arguments);
   command_line.take(arguments);
   check(options);
 }

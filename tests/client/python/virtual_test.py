@@ -233,7 +233,7 @@ class Refused(unittest.TestCase):
         for text, arguments, options in (
                 ("--stiffness -1 .*must be", ("--stiffness", "-1"), {}), ("--speed", ("--speed", "1"), {}),
                 ("--help, .* are for haptic_server itself", ("--help", "--stiffness", "16000"), {}), ("hand 3", (), {"hand": 3}),
-                ("--device haply must be one of simulated", ("--device", "haply"), {}),
+                ("--device haply must be simulated: no other", ("--device", "haply"), {}),
                 ("nowhere.toml", (), {"hand": "nowhere.toml"}), ("delay -1 s must be 0 to", (), {"delay": -1}),
                 ("loss 2 must be 0 to 1", (), {"loss": 2}), ("jitter nan", (), {"jitter": float("nan")}),
                 ("seed -1 must be", (), {"seed": -1}), ("delay must be a number", (), {"delay": "long"})):
