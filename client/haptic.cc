@@ -118,6 +118,47 @@ Link link_of(const haptic_link& from) {
   return link;
 }
 
+/// A link of a tool, as an index that an error can name.
+std::uint8_t link_index(std::int32_t link, const char* of) {
+  const auto most = static_cast<std::int32_t>(kMaxLinks) - 1;
+  if (link >= 0 && link <= most) return static_cast<std::uint8_t>(link);
+  throw std::invalid_argument("link " + std::to_string(link) + " of " + of + " must be 0 to " +
+                              std::to_string(most));
+}
+
+JointCurve curve_of(const haptic_curve& from) {
+  JointCurve curve;
+  curve.link = link_index(from.link, "a curve");
+  curve.leader = link_index(from.leader, "a curve's leader");
+  curve.armature = from.armature;
+  curve.terms = Eigen::Map<const Eigen::Matrix<double, 7, kCurveTerms>>(&from.terms[0][0]);
+  return curve;
+}
+
+JointDrive drive_of(const haptic_drive& from, const ToolDescription& tool) {
+  JointDrive drive{.link = link_index(from.link, "a drive"),
+                   .follows_device = from.follows_device != 0,
+                   .target = from.target,
+                   .closed = from.closed,
+                   .open = from.open,
+                   .stiffness = from.stiffness,
+                   .damping = from.damping,
+                   .most = from.most};
+  if (drive.link >= tool.links.size() || !has_one_coordinate(tool.links[drive.link].joint)) {
+    throw std::invalid_argument("link " + std::to_string(from.link) +
+                                " of a drive must have a revolute, prismatic or guided joint");
+  }
+  const Range place{-protocol::kLargestLength, protocol::kLargestLength, "m or rad"};
+  const Range size{0, protocol::kLargestDrive};
+  refuse(find_error("target of a drive", drive.target, place));
+  refuse(find_error("closed of a drive", drive.closed, place));
+  refuse(find_error("open of a drive", drive.open, place));
+  refuse(find_error("stiffness of a drive", drive.stiffness, size));
+  refuse(find_error("damping of a drive", drive.damping, size));
+  refuse(find_error("largest force of a drive", drive.most, size));
+  return drive;
+}
+
 ToolDescription tool_of(const haptic_options& options) {
   if (options.link_count < 1 || options.link_count > kMaxLinks) {
     throw std::invalid_argument("link_count " + std::to_string(options.link_count) +
@@ -127,11 +168,15 @@ ToolDescription tool_of(const haptic_options& options) {
   ToolDescription tool;
   for (std::size_t i = 0; i < options.link_count; ++i) {
     const haptic_link& link = options.links[i];
-    if (link.joint < HAPTIC_FIXED || link.joint > HAPTIC_FREE) {
+    if (link.joint < HAPTIC_FIXED || link.joint > HAPTIC_FOLLOWING) {
       throw std::invalid_argument("link " + std::to_string(i) + ": joint " +
-                                  std::to_string(link.joint) + " must be 0 to 4");
+                                  std::to_string(link.joint) + " must be 0 to 6");
     }
     tool.links.push_back(link_of(link));
+  }
+  require_list(options.curves, options.curve_count, kMaxLinks, "curves");
+  for (std::size_t i = 0; i < options.curve_count; ++i) {
+    tool.curves.push_back(curve_of(options.curves[i]));
   }
   tool.hand_link = options.hand_link;
   tool.X_LH = pose_of(options.hand_position, options.hand_rotation);
@@ -268,6 +313,7 @@ void store(const protocol::ProxyState& proxy, haptic_state& state) {
   state.predicted = proxy.predicted_contacts;
   state.buttons = proxy.buttons;
   state.gripper = proxy.gripper;
+  state.grip = proxy.grip;
 }
 
 /// A sentence on the end of a session's own server.
@@ -621,6 +667,24 @@ int haptic_external_wrench(haptic_session* session, std::int32_t link, const dou
     const Range range{-protocol::kLargestForce, protocol::kLargestForce, "N or N·m"};
     for (const double x : sum) refuse(find_error("external wrench", x, range));
     session->client->add_external(index, F_W);
+    return 0;
+  });
+}
+
+int haptic_drive_joints(haptic_session* session, const haptic_drive* drives, std::size_t count) {
+  return in_session(session, -1, [&] {
+    const ToolDescription& tool = session->tool.description();
+    require_list(drives, count, kMaxDof, "drives");
+    JointDrives wanted;
+    for (std::size_t i = 0; i < count; ++i) {
+      const JointDrive drive = drive_of(drives[i], tool);
+      if (std::ranges::find(wanted, drive.link, &JointDrive::link) != wanted.end()) {
+        throw std::invalid_argument("link " + std::to_string(drives[i].link) +
+                                    " must have one drive, not two");
+      }
+      wanted.push_back(drive);
+    }
+    session->client->drive(wanted);
     return 0;
   });
 }

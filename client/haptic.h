@@ -43,6 +43,7 @@ extern "C" {
 #define HAPTIC_MAX_BODIES 16
 #define HAPTIC_MAX_POSES 64
 #define HAPTIC_MAX_TEXT 240
+#define HAPTIC_CURVE_TERMS 10
 #define HAPTIC_NO_BODY 0xffffffffu
 
 enum haptic_joint {
@@ -50,7 +51,9 @@ enum haptic_joint {
   HAPTIC_REVOLUTE = 1,  /* q: angle, rad */
   HAPTIC_PRISMATIC = 2, /* q: distance, m */
   HAPTIC_PLANAR = 3,    /* q: x, y (m), angle (rad), in the plane z = 0 of the joint's frame */
-  HAPTIC_FREE = 4 /* q: position (m) and quaternion of the link; v: linear, angular velocity */
+  HAPTIC_FREE = 4,     /* q: position (m) and quaternion of the link; v: linear, angular velocity */
+  HAPTIC_GUIDED = 5,   /* along its haptic_curve; q: from `lower` to `upper`, rad or m */
+  HAPTIC_FOLLOWING = 6 /* along its haptic_curve, by the q of a guided link before it */
 };
 
 typedef struct haptic_session haptic_session;
@@ -65,8 +68,30 @@ typedef struct haptic_link {
   double mass;         /* kg, >= 0 */
   double centre[3];    /* centre of mass in the link's frame, m */
   double inertia[9];   /* about the centre of mass, link's axes, kg m^2 */
-  double lower, upper; /* limits of q of REVOLUTE and PRISMATIC; +-1e9: none */
+  double lower, upper; /* limits of q of REVOLUTE, PRISMATIC and GUIDED; +-1e9: none */
 } haptic_link;
+
+/* How a GUIDED or FOLLOWING link moves in its joint's frame: as a part of a mechanism that one
+ * coordinate moves, such as a gripper's finger. Polynomials of x = (2 q - lower - upper) / (upper -
+ * lower), which goes from -1 to 1 between the limits of the coordinate. */
+typedef struct haptic_curve {
+  int32_t link;
+  int32_t leader;  /* whose q: a GUIDED link, itself or one before it */
+  double armature; /* what a motor adds to the inertia of the coordinate, kg or kg m^2 */
+  double terms[HAPTIC_CURVE_TERMS][7]; /* factors of 1, x, x^2, ...: position of the link, m, and
+                                          its quaternion w, x, y, z, of any length but 0 */
+} haptic_curve;
+
+/* A servo on the coordinate q of a joint that has one: a spring and damper to `target`, of limited
+ * force. In m and N, or rad and N m, as q is. */
+typedef struct haptic_drive {
+  int32_t link;           /* whose joint: REVOLUTE, PRISMATIC or GUIDED */
+  int32_t follows_device; /* 1: the device's gripper leads it, from `closed` to `open`, if there is
+                             one; 0: it goes to `target` */
+  double target, closed, open;
+  double stiffness, damping; /* >= 0 */
+  double most;               /* largest force, >= 0 */
+} haptic_drive;
 
 typedef struct haptic_options {
   const char* server;   /* "HOST:PORT"; NULL: the usual one, or one of this session's own where
@@ -84,6 +109,8 @@ typedef struct haptic_options {
   double epsilon;                     /* contacts are sent up to this separation, m, 0 to 1 */
   int32_t clears_fault;               /* 1: a person asks for this session: ends a released fault */
   uint32_t made_of_defaults;          /* leave it as haptic_default_options() has it */
+  const haptic_curve* curves;         /* one of each GUIDED or FOLLOWING link */
+  size_t curve_count;
 } haptic_options;
 
 enum haptic_side { HAPTIC_WORLD = 0, HAPTIC_TOOL_LINK = 1, HAPTIC_MOVABLE_BODY = 2 };
@@ -248,7 +275,8 @@ typedef struct haptic_state {
   uint32_t buttons;              /* bit i: button i is down */
   int32_t scene;                 /* 1: the server finds the contacts of the shapes offered to it */
   int32_t holds;                 /* 1: it moves what the hand holds, see haptic_take_held() */
-  double gripper;                /* 0 closed to 1 open */
+  double gripper;                /* of the device: 0 closed to 1 open */
+  double grip;                   /* what opens the driven joints: force of contacts, N or N m */
   double round_trip;             /* s */
   double servo_rate;             /* Hz */
   char message[HAPTIC_MAX_TEXT]; /* for a person: nobody answers; why a session, update, contact
@@ -355,6 +383,10 @@ HAPTIC_API void haptic_track(haptic_session* session, haptic_contact* contacts, 
  * add up; without this there is none. 0, or -1 with haptic_error(). */
 HAPTIC_API int haptic_external_wrench(haptic_session* session, int32_t link,
                                       const double wrench[6]);
+/* The drives of the tool's joints, at most one of each, from the next haptic_send() until the next
+ * call; none of them before the first. 0, or -1 with haptic_error(). */
+HAPTIC_API int haptic_drive_joints(haptic_session* session, const haptic_drive* drives,
+                                   size_t count);
 /* Sends what is near. Returns the update's sequence, 0 without a session, -1 if something given is
  * wrong, or nothing was sampled yet: nothing is sent then, and haptic_error() names it. */
 HAPTIC_API int64_t haptic_send(haptic_session* session, const haptic_contact* contacts,

@@ -94,6 +94,8 @@ class HapticClient {
   void add_external(std::uint8_t link, const Wrench& F_W);
   /// Their sum on a link, of the latest sample.
   Wrench external(std::uint8_t link) const;
+  /// The drives of the tool's joints, from the next send() on.
+  void drive(const JointDrives& drives) { update_.drives = drives; }
   /// Sends the contacts within ε of the latest sample, and the bodies that the tool can push. A
   /// body that a contact names but that is not in `bodies` moves as the contact's v_WC says. With a
   /// scene (below) `contacts` are only those that no shape of it makes, and `poses` those of its

@@ -25,6 +25,11 @@ constexpr double kLargestGravity = 100;  ///< m/s²: 9810 are millimetres.
 /// m: what is divided by the square of less is no longer finite.
 constexpr double kSmallestToolLength = 1e-6;
 
+/// Least range of a guided coordinate, rad or m, and least length of a curve's quaternion.
+constexpr double kSmallestRange = 1e-6;
+constexpr double kLargestArmature = 1e6;  ///< kg or kg·m².
+constexpr double kShortestQuaternion = 0.1;
+
 // What a joint moves and turns at least: with less, divisions by it are no longer finite.
 constexpr double kSmallestMass = 1e-6;      ///< kg.
 constexpr double kSmallestInertia = 1e-12;  ///< kg·m².
@@ -51,8 +56,8 @@ std::optional<Sentence> find_inertia_error(const Link& link) {
 }
 
 std::optional<Sentence> find_joint_error(const Link& link, int index) {
-  if (static_cast<unsigned>(link.joint) > static_cast<unsigned>(JointType::kFree)) {
-    return Sentence("joint type ") + static_cast<unsigned>(link.joint) + " must be 0 to 4";
+  if (static_cast<unsigned>(link.joint) > static_cast<unsigned>(JointType::kFollowing)) {
+    return Sentence("joint type ") + static_cast<unsigned>(link.joint) + " must be 0 to 6";
   }
   if (index == 0 && link.parent != -1) return "the root's parent must be the world (-1)";
   if (index > 0 && (link.parent < 0 || link.parent >= index)) {
@@ -63,11 +68,56 @@ std::optional<Sentence> find_joint_error(const Link& link, int index) {
   if (auto error = find_error("joint frame", link.X_PJ.p, kLargestLength, "m")) return error;
   if (!is_unit(link.X_PJ.R.norm())) return "joint frame's quaternion must have length 1";
   if (!link.axis.allFinite()) return "axis must be finite";
-  if (!has_axis(link.joint)) return std::nullopt;
-  if (!is_unit(link.axis.norm())) return "axis must have length 1";
-  if (auto error = find_brief_error("lower limit", link.lower, Range{-kNoLimit, kNoLimit}))
-    return error;
-  return find_brief_error("upper limit", link.upper, Range{link.lower, kNoLimit});
+  if (!has_one_coordinate(link.joint)) return std::nullopt;
+  if (has_axis(link.joint) && !is_unit(link.axis.norm())) return "axis must have length 1";
+  const double most = link.joint == JointType::kGuided ? kLargestLength : kNoLimit;
+  if (auto error = find_brief_error("lower limit", link.lower, Range{-most, most})) return error;
+  const double least_range = link.joint == JointType::kGuided ? kSmallestRange : 0;
+  return find_brief_error("upper limit", link.upper, Range{link.lower + least_range, most});
+}
+
+/// Why a curve cannot be used.
+std::optional<Sentence> find_curve_error(const ToolDescription& tool, const JointCurve& curve) {
+  const std::size_t count = tool.links.size();
+  if (curve.link >= count || !has_curve(tool.links[curve.link].joint)) {
+    return Sentence("link ") + unsigned{curve.link} +
+           " of a curve must be one that is guided or "
+           "follows";
+  }
+  const Sentence name = Sentence("curve of link ") + unsigned{curve.link} + ": ";
+  const bool leads = tool.links[curve.link].joint == JointType::kGuided;
+  if (leads && curve.leader != curve.link) return name + "a guided link must be its own leader";
+  if (curve.leader > curve.link || tool.links[curve.leader].joint != JointType::kGuided) {
+    return name + "leader " + unsigned{curve.leader} + " must be a guided link before it";
+  }
+  if (auto error = find_error("terms", curve.terms, kLargestLength, "m or 1")) return name + *error;
+  if (auto error = find_brief_error("armature", curve.armature, Range{0, kLargestArmature}))
+    return name + *error;
+  const auto [least, largest] = lengths_of(curve);
+  if (!(least >= kShortestQuaternion && largest <= 1 / kShortestQuaternion)) {
+    return name + "the length of its quaternion, " + brief_text(least) + " to " +
+           brief_text(largest) + ", must be " + brief_text(kShortestQuaternion) + " to " +
+           brief_text(1 / kShortestQuaternion);
+  }
+  return std::nullopt;
+}
+
+/// One for each link that has one.
+std::optional<Sentence> find_curves_error(const ToolDescription& tool) {
+  std::uint32_t found = 0;
+  for (const JointCurve& curve : tool.curves) {
+    if (auto error = find_curve_error(tool, curve)) return error;
+    if ((found >> curve.link) & 1u) {
+      return Sentence("link ") + unsigned{curve.link} + " must have one curve, not two";
+    }
+    found |= 1u << curve.link;
+  }
+  for (std::size_t i = 0; i < tool.links.size(); ++i) {
+    if (has_curve(tool.links[i].joint) && ((found >> i) & 1u) == 0) {
+      return Sentence("link ") + i + " must have a curve, as it is guided or follows";
+    }
+  }
+  return std::nullopt;
 }
 
 /// A rigid body in the axes of a link: the link and what is fixed to it.
@@ -107,6 +157,8 @@ double turned_inertia(const Link& link, const Composite& body) {
           .minCoeff();
     case JointType::kFixed:
     case JointType::kPrismatic:
+    case JointType::kGuided:
+    case JointType::kFollowing:
       break;
   }
   return 0;
@@ -117,7 +169,7 @@ std::optional<Sentence> find_massless_error(const ToolDescription& tool) {
   const int count = static_cast<int>(tool.links.size());
   const auto link = [&](int i) -> const Link& { return tool.links[static_cast<std::size_t>(i)]; };
   for (int i = 0; i < count; ++i) {
-    if (link(i).joint == JointType::kFixed) continue;
+    if (link(i).joint == JointType::kFixed || has_curve(link(i).joint)) continue;
     Composite body;
     double mass = 0;
     double beyond = 0;  // What turns on joints of its own counts in whatever pose, kg·m².
@@ -165,9 +217,11 @@ int rigid_root(const ToolDescription& tool, int link) noexcept {
 int joint_dof(JointType joint) noexcept {
   switch (joint) {
     case JointType::kFixed:
+    case JointType::kFollowing:
       return 0;
     case JointType::kRevolute:
     case JointType::kPrismatic:
+    case JointType::kGuided:
       return 1;
     case JointType::kPlanar:
       return 3;
@@ -201,6 +255,7 @@ std::optional<Sentence> find_error(const ToolDescription& tool) {
     if (!error) error = find_inertia_error(link);
     if (error) return Sentence("link ") + i + ": " + *error;
   }
+  if (auto error = find_curves_error(tool)) return error;
   const int dof = tool.dof();
   if (dof < 1 || dof > kMaxDof) {
     return Sentence("degrees of freedom ") + dof + " must be 1 to " + kMaxDof;

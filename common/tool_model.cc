@@ -32,16 +32,36 @@ Spatial inertial_force(const Link& link, const Matrix3& R_WL, const Vector3& com
 
 ToolModel::ToolModel(const ToolDescription& tool) noexcept
     : tool_(tool), dof_(tool.dof()), configuration_size_(tool.configuration_size()) {
-  axes_.resize(6, dof_);
-  int first = 0;
+  number_joints();
+  set_configuration(neutral());
+}
+
+void ToolModel::number_joints() noexcept {
+  int velocity = 0;
+  int coordinate = 0;
+  int motion = 0;
+  std::array<int, kMaxLinks> velocities{};  // First one of each link's joint.
   for (int i = 0; i < links(); ++i) {
     const Link& link = tool_.links[at(i)];
-    const int count = joint_dof(link.joint);
-    const std::uint32_t own = ((1u << count) - 1u) << first;
-    moving_dofs_[at(i)] = own | (link.parent < 0 ? 0u : moving_dofs_[at(link.parent)]);
-    first += count;
+    Joint& joint = joints_[at(i)];
+    joint.first = motion;
+    joint.count = link.joint == JointType::kFollowing ? 1 : joint_dof(link.joint);
+    joint.coordinate = coordinate;
+    velocities[at(i)] = velocity;
+    if (has_curve(link.joint)) {
+      const auto own = std::ranges::find(tool_.curves, i, &JointCurve::link);
+      joint.curve = static_cast<int>(own - tool_.curves.begin());
+      joint.coordinate = joints_[own->leader].coordinate;
+      velocities[at(i)] = velocities[own->leader];
+    }
+    for (int k = 0; k < joint.count; ++k) coordinates_[at(motion + k)] = velocities[at(i)] + k;
+    const std::uint32_t own = ((1u << joint.count) - 1u) << motion;
+    moving_[at(i)] = own | (link.parent < 0 ? 0u : moving_[at(link.parent)]);
+    motion += joint.count;
+    velocity += joint_dof(link.joint);
+    coordinate += joint_configuration_size(link.joint);
   }
-  set_configuration(neutral());
+  axes_.resize(6, motion);
 }
 
 Configuration ToolModel::neutral() const noexcept {
@@ -51,8 +71,14 @@ Configuration ToolModel::neutral() const noexcept {
   return q;
 }
 
-/// X_JL for the coordinates that begin at q_[first].
-Pose ToolModel::joint_transform(const Link& link, int first) const noexcept {
+CurvePoint ToolModel::curve_point(const Joint& joint) const noexcept {
+  const JointCurve& curve = tool_.curves[at(joint.curve)];
+  const Link& leader = tool_.links[curve.leader];
+  return point_of(curve, leader.lower, leader.upper, q_[joint.coordinate]);
+}
+
+Pose ToolModel::joint_transform(const Link& link, const Joint& joint) const noexcept {
+  const int first = joint.coordinate;
   switch (link.joint) {
     case JointType::kFixed:
       return {};
@@ -66,14 +92,18 @@ Pose ToolModel::joint_transform(const Link& link, int first) const noexcept {
     case JointType::kFree:
       return {q_.segment<3>(first),
               Quaternion(q_[first + 3], q_[first + 4], q_[first + 5], q_[first + 6])};
+    case JointType::kGuided:
+    case JointType::kFollowing:
+      return curve_point(joint).X_JL;
   }
   return {};
 }
 
-/// Writes the joint's columns of axes_: the twist that each of its velocity coordinates gives to a
-/// body point now at the root link's origin.
+/// Writes the joint's columns of axes_: the twist that each of its motions gives to a body point
+/// now at the root link's origin.
 void ToolModel::write_motion_axes(const Link& link, const Pose& X_WJ, const Pose& X_WL,
-                                  int first) noexcept {
+                                  const Joint& joint) noexcept {
+  const int first = joint.first;
   const Vector3 root = X_WL_[0].p;
   const auto translation = [&](int column, const Vector3& axis) {
     axes_.col(column) << axis, Vector3::Zero();
@@ -101,20 +131,23 @@ void ToolModel::write_motion_axes(const Link& link, const Pose& X_WJ, const Pose
         rotation(first + 3 + i, X_WJ.R * Vector3::Unit(i));
       }
       return;
+    case JointType::kGuided:
+    case JointType::kFollowing: {
+      const CurvePoint point = curve_point(joint);
+      rotation(first, X_WJ.R * point.omega_J);
+      axes_.col(first).head<3>() += X_WJ.R * point.v_J;
+      return;
+    }
   }
 }
 
 void ToolModel::set_configuration(const Configuration& q) noexcept {
   q_ = q;
-  int coordinate = 0;
-  int velocity = 0;
   for (int i = 0; i < links(); ++i) {
     const Link& link = tool_.links[at(i)];
     const Pose X_WJ = link.parent < 0 ? link.X_PJ : X_WL_[at(link.parent)] * link.X_PJ;
-    X_WL_[at(i)] = X_WJ * joint_transform(link, coordinate);
-    write_motion_axes(link, X_WJ, X_WL_[at(i)], velocity);
-    coordinate += joint_configuration_size(link.joint);
-    velocity += joint_dof(link.joint);
+    X_WL_[at(i)] = X_WJ * joint_transform(link, joints_[at(i)]);
+    write_motion_axes(link, X_WJ, X_WL_[at(i)], joints_[at(i)]);
   }
 }
 
@@ -138,13 +171,12 @@ Configuration ToolModel::integrate(const Configuration& q, const Velocity& v,
 Jacobian ToolModel::jacobian(int link, const Vector3& p_W) const noexcept {
   Jacobian J(6, dof_);
   const Vector3 arm = p_W - X_WL_[0].p;
-  for (int j = 0; j < dof_; ++j) {
-    if (moves(j, link)) {
-      const Vector3 angular = axes_.col(j).tail<3>();
-      J.col(j) << axes_.col(j).head<3>() + angular.cross(arm), angular;
-    } else {
-      J.col(j).setZero();
-    }
+  J.setZero();
+  for (int j = 0; j < axes_.cols(); ++j) {
+    if (!moves(j, link)) continue;
+    const Vector3 angular = axes_.col(j).tail<3>();
+    J.col(coordinate_of(j)).head<3>() += axes_.col(j).head<3>() + angular.cross(arm);
+    J.col(coordinate_of(j)).tail<3>() += angular;
   }
   return J;
 }
@@ -169,16 +201,20 @@ MassMatrix ToolModel::mass_matrix() const noexcept {
   }
 
   MassMatrix D = MassMatrix::Zero(dof_, dof_);
-  int first = dof_;
   for (int i = links() - 1; i >= 0; --i) {
-    first -= joint_dof(tool_.links[at(i)].joint);
-    const int last = first + joint_dof(tool_.links[at(i)].joint);
-    for (int j = first; j < last; ++j) {
+    const Joint& joint = joints_[at(i)];
+    for (int j = joint.first; j < joint.first + joint.count; ++j) {
       const Vector6 momentum = composite[at(i)] * axes_.col(j);
       for (int k = 0; k <= j; ++k) {
-        if (moves(k, i)) D(j, k) = D(k, j) = axes_.col(k).dot(momentum);
+        if (!moves(k, i)) continue;
+        const double share = axes_.col(k).dot(momentum);
+        D(coordinate_of(j), coordinate_of(k)) += share;
+        if (j != k) D(coordinate_of(k), coordinate_of(j)) += share;
       }
     }
+    if (joint.curve < 0 || tool_.links[at(i)].joint != JointType::kGuided) continue;
+    const int own = coordinate_of(joint.first);
+    D(own, own) += tool_.curves[at(joint.curve)].armature;
   }
   return D;
 }
@@ -194,42 +230,56 @@ GeneralisedForce ToolModel::gravity() const noexcept {
   return G;
 }
 
+Vector6 ToolModel::bend_of(int i, double speed) const noexcept {
+  if (joints_[at(i)].curve < 0) return Vector6::Zero();
+  const Link& link = tool_.links[at(i)];
+  const Pose X_WJ = link.parent < 0 ? link.X_PJ : X_WL(link.parent) * link.X_PJ;
+  const CurvePoint point = curve_point(joints_[at(i)]);
+  const Vector3 alpha = X_WJ.R * point.alpha_J;
+  const Vector3 omega = X_WJ.R * point.omega_J;
+  Vector6 bend;
+  bend << X_WJ.R * point.a_J + alpha.cross(X_WL_[0].p - X_WL(i).p) -
+              omega.cross(X_WJ.R * point.v_J),
+      alpha;
+  return speed * speed * bend;
+}
+
 /// Outwards the accelerations with q̈ = 0, inwards the forces that they take, all about the point
 /// where the root link's origin is now, which stays where it is while the root moves on.
 GeneralisedForce ToolModel::bias_force(const Velocity& v) const noexcept {
-  std::array<Spatial, kMaxLinks> V;
-  std::array<Spatial, kMaxLinks> A;
-  std::array<Spatial, kMaxLinks> force;
-  int first = 0;
+  std::array<Spatial, kMaxLinks> V, A, force;
   for (int i = 0; i < links(); ++i) {
     const Link& link = tool_.links[at(i)];
     const Spatial parent_V = link.parent < 0 ? Spatial{} : V[at(link.parent)];
     const Spatial parent_A = link.parent < 0 ? Spatial{} : A[at(link.parent)];
     Spatial joint;
     Vector3 translation = Vector3::Zero();  // Velocity of the axes that rotations turn about.
-    for (const int end = first + joint_dof(link.joint); first < end; ++first) {
-      const Vector3 linear = v[first] * axes_.col(first).head<3>();
-      const Vector3 angular = v[first] * axes_.col(first).tail<3>();
+    const Joint& own = joints_[at(i)];
+    for (int j = own.first; j < own.first + own.count; ++j) {
+      const Vector3 linear = v[coordinate_of(j)] * axes_.col(j).head<3>();
+      const Vector3 angular = v[coordinate_of(j)] * axes_.col(j).tail<3>();
       joint.linear += linear;
       joint.angular += angular;
       if (angular.isZero(0)) translation += linear;
     }
     V[at(i)] = {parent_V.linear + joint.linear, parent_V.angular + joint.angular};
     // The joint's axes are carried along by the parent, those of its rotations by its translations
-    // too.
+    // too, and those of a curve bend.
+    const Vector6 bend = bend_of(i, own.curve < 0 ? 0 : v[coordinate_of(own.first)]);
     A[at(i)] = {parent_A.linear + parent_V.angular.cross(joint.linear) +
-                    (parent_V.linear + translation).cross(joint.angular),
-                parent_A.angular + parent_V.angular.cross(joint.angular)};
+                    (parent_V.linear + translation).cross(joint.angular) + bend.head<3>(),
+                parent_A.angular + parent_V.angular.cross(joint.angular) + bend.tail<3>()};
     force[at(i)] = inertial_force(link, X_WL(i).R.toRotationMatrix(),
                                   X_WL(i) * link.p_LCom - X_WL_[0].p, V[at(i)], A[at(i)]);
   }
 
-  GeneralisedForce c(dof_);
+  GeneralisedForce c = GeneralisedForce::Zero(dof_);
   for (int i = links() - 1; i >= 0; --i) {
     const Link& link = tool_.links[at(i)];
-    for (const int end = first - joint_dof(link.joint); first > end; --first) {
-      c[first - 1] = axes_.col(first - 1).head<3>().dot(force[at(i)].linear) +
-                     axes_.col(first - 1).tail<3>().dot(force[at(i)].angular);
+    const Joint& own = joints_[at(i)];
+    for (int j = own.first; j < own.first + own.count; ++j) {
+      c[coordinate_of(j)] += axes_.col(j).head<3>().dot(force[at(i)].linear) +
+                             axes_.col(j).tail<3>().dot(force[at(i)].angular);
     }
     if (i > 0) {
       force[at(link.parent)].linear += force[at(i)].linear;

@@ -42,6 +42,14 @@ class ToolModel {
   /// q moved by q̇ for dt seconds (exact for constant q̇); quaternions stay unit.
   Configuration integrate(const Configuration& q, const Velocity& v, double dt) const noexcept;
 
+  /// Where in q and in q̇ a link's joint begins; of one that follows, its leader's.
+  int coordinate_index(int link) const noexcept {
+    return joints_[static_cast<std::size_t>(link)].coordinate;
+  }
+  int velocity_index(int link) const noexcept {
+    return coordinate_of(joints_[static_cast<std::size_t>(link)].first);
+  }
+
   /// Pose of a link in the world.
   const Pose& X_WL(int link) const noexcept { return X_WL_[static_cast<std::size_t>(link)]; }
   /// Pose of the hand's frame in the world.
@@ -64,10 +72,28 @@ class ToolModel {
   GeneralisedForce bias_force(const Velocity& v) const noexcept;
 
  private:
-  Pose joint_transform(const Link& link, int first) const noexcept;
-  void write_motion_axes(const Link& link, const Pose& X_WJ, const Pose& X_WL, int first) noexcept;
-  bool moves(int dof, int link) const noexcept {
-    return (moving_dofs_[static_cast<std::size_t>(link)] >> dof) & 1u;
+  /// A link's joint: its first motion, and how many it has; its first coordinate; its curve.
+  struct Joint {
+    int first = 0;
+    int count = 0;
+    int coordinate = 0;
+    int curve = -1;
+  };
+  static constexpr int kMaxMotions = kMaxDof + static_cast<int>(kMaxLinks);
+
+  void number_joints() noexcept;
+  CurvePoint curve_point(const Joint& joint) const noexcept;
+  /// How the axis of a link that has a curve changes as its coordinate moves at that speed: the
+  /// acceleration of the point at the root link's origin, world axes.
+  Vector6 bend_of(int link, double speed) const noexcept;
+  Pose joint_transform(const Link& link, const Joint& joint) const noexcept;
+  void write_motion_axes(const Link& link, const Pose& X_WJ, const Pose& X_WL,
+                         const Joint& joint) noexcept;
+  bool moves(int motion, int link) const noexcept {
+    return (moving_[static_cast<std::size_t>(link)] >> motion) & 1u;
+  }
+  int coordinate_of(int motion) const noexcept {
+    return coordinates_[static_cast<std::size_t>(motion)];
   }
 
   ToolDescription tool_;
@@ -75,10 +101,13 @@ class ToolModel {
   int configuration_size_ = 0;
   Configuration q_;
   std::array<Pose, kMaxLinks> X_WL_{};
-  /// Twist at the root link's origin per unit of each velocity coordinate, world axes.
-  Jacobian axes_;
-  /// Bit j: velocity coordinate j moves the link.
-  std::array<std::uint32_t, kMaxLinks> moving_dofs_{};
+  std::array<Joint, kMaxLinks> joints_{};
+  /// Of each motion, one of a joint's, its velocity coordinate, which links that follow share.
+  std::array<int, kMaxMotions> coordinates_{};
+  /// Twist at the root link's origin per unit of each motion's coordinate, world axes.
+  Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kMaxMotions> axes_;
+  /// Bit j: motion j moves the link.
+  std::array<std::uint32_t, kMaxLinks> moving_{};
 };
 
 /// The least share of a coordinate's inertia that is its own, not one that other coordinates move

@@ -22,7 +22,7 @@ constexpr std::size_t kLengthPosition = 36;
 constexpr std::size_t kBlockPosition = 38;
 /// What a sender fills of a datagram.
 constexpr std::size_t kRoom = kMaxDatagram - kSealRoom;
-constexpr std::size_t kMaxLists = 6;
+constexpr std::size_t kMaxLists = 7;
 
 bool is_known(MessageType type) noexcept {
   return type >= MessageType::kHello && type <= MessageType::kHeldBodies;

@@ -76,6 +76,10 @@ template <>
 inline constexpr std::size_t kItemSize<Ownership> = 10;
 template <>
 inline constexpr std::size_t kItemSize<HeldBody> = 112;
+template <>
+inline constexpr std::size_t kItemSize<JointCurve> = 10 + 4 * 7 * kCurveTerms;
+template <>
+inline constexpr std::size_t kItemSize<JointDrive> = 50;
 
 /// Whether older senders of this version do not send the list of these items.
 template <class Item>
@@ -88,6 +92,10 @@ template <>
 inline constexpr bool kIsAppended<ExternalWrench> = true;
 template <>
 inline constexpr bool kIsAppended<Ownership> = true;
+template <>
+inline constexpr bool kIsAppended<JointCurve> = true;
+template <>
+inline constexpr bool kIsAppended<JointDrive> = true;
 
 /// No list; messages with lists have overloads of their own.
 template <class M, class Visit>
@@ -96,6 +104,7 @@ void lists(M&, Visit&&) {}
 template <class M, class Visit>
 void lists(M& hello, Visit&& visit) requires std::same_as<const M, const Hello> {
   visit(hello.tool.links);
+  visit(hello.tool.curves);
 }
 template <class M, class Visit>
 void lists(M& update, Visit&& visit) requires std::same_as<const M, const ContactUpdate> {
@@ -105,6 +114,7 @@ void lists(M& update, Visit&& visit) requires std::same_as<const M, const Contac
   visit(update.rates);
   visit(update.external);
   visit(update.owners);
+  visit(update.drives);
 }
 template <class M, class Visit>
 void lists(M& ticks, Visit&& visit) requires std::same_as<const M, const Ticks> {
@@ -164,6 +174,15 @@ void fields(Io& io, M& link) requires std::same_as<const M, const Link> {
   io.f64(link.upper);
 }
 
+/// As a link's, what is wrong is left to find_error().
+template <class Io, class M>
+void fields(Io& io, M& curve) requires std::same_as<const M, const JointCurve> {
+  io.u8(curve.link);
+  io.u8(curve.leader);
+  io.f64(curve.armature);
+  for (Eigen::Index i = 0; i < curve.terms.size(); ++i) io.f32(curve.terms.data()[i]);
+}
+
 template <class Io, class M>
 void tuning(Io& io, M& tuning) {
   io.enumeration(tuning.update_rule);
@@ -199,6 +218,7 @@ void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.appended_flag(device.observes_hand);
   io.appended_flag(welcome.capabilities.scenes);
   io.appended_flag(welcome.capabilities.holds);
+  io.appended_flag(welcome.capabilities.guides);
 }
 
 /// The same in every version of the protocol.
@@ -272,6 +292,19 @@ void fields(Io& io, M& wrench) requires std::same_as<const M, const ExternalWren
 }
 
 template <class Io, class M>
+void fields(Io& io, M& drive) requires std::same_as<const M, const JointDrive> {
+  io.u8(drive.link);
+  io.flag(drive.follows_device);
+  io.f64(drive.target, Within{kLargestLength});
+  io.f64(drive.closed, Within{kLargestLength});
+  io.f64(drive.open, Within{kLargestLength});
+  for (auto* limit : {&drive.stiffness, &drive.damping, &drive.most}) {
+    io.f64(*limit, Within{kLargestDrive});
+    io.require(*limit >= 0, UpdateError::kRange);
+  }
+}
+
+template <class Io, class M>
 void fields(Io& io, M& rate) requires std::same_as<const M, const AccelerationRate> {
   io.u32(rate.body);
   io.vector_within(rate.A_rate_W, kLargestAccelerationRate);
@@ -318,6 +351,11 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.appended_f64(state.lowered);
   io.appended_u32(state.scene);
   // Clients of 0.4 read five bytes more, and take what is not 0 for something wrong with a body.
+  std::uint32_t spare = 0;
+  std::uint8_t spare_byte = 0;
+  io.appended_u32(spare);
+  io.appended_u8(spare_byte, 0);
+  io.appended_f64(state.grip);
 }
 
 template <class Io, class M>

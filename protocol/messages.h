@@ -8,6 +8,7 @@
 
 #include "hlm/common/contact.h"
 #include "hlm/common/freedoms.h"
+#include "hlm/common/joint_drive.h"
 #include "hlm/common/static_vector.h"
 #include "hlm/common/tool_description.h"
 #include "hlm/common/tool_model.h"
@@ -60,6 +61,7 @@ struct Capabilities {
   bool self_contacts = false;   ///< Contacts between two links of the tool.
   bool scenes = false;          ///< Shapes and placements, by the scene stream.
   bool holds = false;           ///< Inertias, too: the server moves what the hand holds.
+  bool guides = false;          ///< Tools may have curves, and updates drives.
 
   bool operator==(const Capabilities&) const = default;
 };
@@ -125,6 +127,7 @@ struct ContactUpdate {
   /// 0: the contacts are those of everything near. Otherwise they are those of what has no shape in
   /// the scene in force, and this is the latest commit that had been queued.
   std::uint32_t scene = 0;
+  JointDrives drives;  ///< Of the tool's joints.
 };
 
 /// Server to client: an update, or one contact of it, was not used. At most one in 0.1 s.
@@ -209,6 +212,8 @@ struct ProxyState {
   /// controller does not couple translation.
   double lowered = 0;
   std::uint32_t scene = 0;  ///< Number of the scene in force, 0 none.
+  /// Force of contacts that opens the gripper, N or N·m of its coordinate; 0 without a drive.
+  double grip = 0;
 };
 
 /// How the hand's wrench is known, as status line, state file and page say it.

@@ -38,7 +38,9 @@ inline constexpr double kLargestMobility = 1e12;
 inline constexpr double kLargestImpulse = 1e6;
 inline constexpr double kLargestUnit = 2;     ///< Largest unit-vector coordinate before scaling.
 inline constexpr double kLargestForce = 1e6;  ///< N.
-inline constexpr double kLongestSpan = 1e6;   ///< s.
+/// Stiffness, damping and force of a drive, with m or rad, N or N·m.
+inline constexpr double kLargestDrive = 1e9;
+inline constexpr double kLongestSpan = 1e6;  ///< s.
 
 /// Makes a vector that is of length 1 within kUnitTolerance exactly so; false for any other. What
 /// is exact to rounding stays as it was sent, bit for bit.

@@ -50,6 +50,7 @@ const MENU = {
     ['docs/method/scene.md', 'The geometry near the hand'],
     ['docs/method/external.md', 'External wrenches'],
     ['docs/method/held.md', 'What the hand holds'],
+    ['docs/method/gripper.md', 'Grippers'],
   ],
   'Reference': [
     ['protocol/PROTOCOL.md', 'Protocol'],

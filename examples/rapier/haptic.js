@@ -34,7 +34,8 @@ koffi.struct('haptic_link', {
 koffi.struct('haptic_options', {
   server: 'const char*', key_file: 'const char*', links: 'haptic_link*', link_count: 'size_t', hand_link: 'int32_t',
   hand_position: doubles(3), hand_rotation: doubles(4), gravity: doubles(3), length: 'double', q: doubles(17),
-  rate: 'double', epsilon: 'double', clears_fault: 'int32_t', made_of_defaults: 'uint32_t',
+  rate: 'double', epsilon: 'double', clears_fault: 'int32_t', made_of_defaults: 'uint32_t', curves: 'void*',
+  curve_count: 'size_t',
 });
 koffi.struct('haptic_contact', {
   identity: 'uint64_t', pair: 'uint32_t', axis: 'uint16_t', a_kind: 'uint8_t', b_kind: 'uint8_t', a_index: 'uint32_t',
@@ -50,7 +51,7 @@ koffi.struct('haptic_state', {
   connected: 'int32_t', began: 'int32_t', lost: 'int32_t', fresh: 'int32_t', step: 'uint64_t', acknowledged: 'uint64_t',
   q_count: 'int32_t', v_count: 'int32_t', q: doubles(17), v: doubles(16), contact_wrench: doubles(6),
   command: doubles(6), device_position: doubles(3), device_rotation: doubles(4), server: 'int32_t', active: 'int32_t',
-  predicted: 'int32_t', buttons: 'uint32_t', scene: 'int32_t', holds: 'int32_t', gripper: 'double',
+  predicted: 'int32_t', buttons: 'uint32_t', scene: 'int32_t', holds: 'int32_t', gripper: 'double', grip: 'double',
   round_trip: 'double', servo_rate: 'double',
   message: koffi.array('char', 240, 'String'),
 });

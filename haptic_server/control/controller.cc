@@ -30,6 +30,9 @@ Configuration joint_coordinates(const Link& link, const Pose& X_JL) noexcept {
       q << X_JL.p, X_JL.R.w(), X_JL.R.vec();
       return q;
     }
+    case JointType::kGuided:
+    case JointType::kFollowing:
+      break;
   }
   return Configuration(0);
 }

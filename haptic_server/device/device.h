@@ -56,6 +56,7 @@ struct DeviceRatings {
   std::uint8_t buttons = 0;          ///< How many it has.
   bool gripper = false;              ///< Whether it measures the opening of one.
   double max_gripper_force = 0;      ///< What that gives, N; 0: it takes no force.
+  double gripper_travel = 0;         ///< Way of its finger from closed to open, m; 0: unknown.
   Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
   double scale = 1;                  ///< Metres in the world for each metre of the handle.
   double rotation_scale = 1;         ///< Radians in the world for each radian of the handle.

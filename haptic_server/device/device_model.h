@@ -27,8 +27,9 @@ struct DeviceModel {
   /// Cut-off of the low-pass that makes its speed of its poses, Hz; 0: its vendor's own speed. Less
   /// lags, and walls become soft; more lets encoder steps through, and the damping becomes small.
   double cutoff = 0;
-  double gripper_range = 0;  ///< Angle between closed and open, rad; 0: it has no gripper.
-  double gripper_force = 0;  ///< Largest force of the gripper, N; 0: it takes none.
+  double gripper_range = 0;   ///< Angle between closed and open, rad; 0: it has no gripper.
+  double gripper_force = 0;   ///< Largest force of the gripper, N; 0: it takes none.
+  double gripper_travel = 0;  ///< Way of its finger in that range, m.
 };
 
 /// The first row whose name is a part of `name`; the last row of a table has an empty name.
@@ -53,6 +54,7 @@ inline DeviceRatings ratings_of(const DeviceModel& row) noexcept {
   ratings.position_step = row.step;
   ratings.gripper = row.gripper_range > 0;
   ratings.max_gripper_force = row.gripper_force;
+  ratings.gripper_travel = row.gripper_travel;
   return ratings;
 }
 

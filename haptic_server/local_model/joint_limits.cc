@@ -11,22 +11,23 @@ constexpr double kLeastLever = 0.01;
 }  // namespace
 
 JointLimits::JointLimits(const ToolDescription& tool, const Configuration& q) noexcept {
-  int coordinate = 0;
-  for (int i = 0; i < static_cast<int>(tool.links.size()); ++i) {
+  const ToolModel model(tool);
+  for (int i = 0; i < model.links(); ++i) {
     const Link& link = tool.links[static_cast<std::size_t>(i)];
-    Limit limit = limit_of(link, tool.length);
-    limit.link = i;
-    limit.coordinate = coordinate;
+    if (!has_one_coordinate(link.joint)) continue;
+    const int coordinate = model.coordinate_index(i);
     const auto add = [&](double bound, double sign) {
+      Limit limit = has_axis(link.joint) ? limit_of(link, tool.length) : limit_of(tool, i, bound);
+      limit.link = i;
+      limit.coordinate = coordinate;
       limit.bound = bound;
       limit.sign = sign;
       limits_.push_back(limit);
       contacts_.push_back(contact_at(limit, link.parent));
       contacts_.back().identity = limits_.size();
     };
-    if (has_axis(link.joint) && link.lower > -kNoLimit) add(std::min(link.lower, q[coordinate]), 1);
-    if (has_axis(link.joint) && link.upper < kNoLimit) add(std::max(link.upper, q[coordinate]), -1);
-    coordinate += joint_configuration_size(link.joint);
+    if (link.lower > -kNoLimit) add(std::min(link.lower, q[coordinate]), 1);
+    if (link.upper < kNoLimit) add(std::max(link.upper, q[coordinate]), -1);
   }
 }
 
@@ -44,6 +45,25 @@ JointLimits::Limit JointLimits::limit_of(const Link& link, double tool_length) n
   limit.p_L = arm;
   limit.lever = arm.norm();
   limit.along_L = link.axis.cross(arm) / limit.lever;
+  return limit;
+}
+
+/// The same of a guided link at its limit: at its centre of mass, or beside it where that does not
+/// move.
+JointLimits::Limit JointLimits::limit_of(const ToolDescription& tool, int index,
+                                         double bound) noexcept {
+  const Link& link = tool.links[static_cast<std::size_t>(index)];
+  const auto curve = std::ranges::find(tool.curves, index, &JointCurve::link);
+  const CurvePoint point = point_of(*curve, link.lower, link.upper, bound);
+  const Quaternion R_LJ = point.X_JL.R.conjugate();
+  const Vector3 v = R_LJ * point.v_J;
+  const Vector3 omega = R_LJ * point.omega_J;
+  const auto velocity = [&](const Vector3& p) -> Vector3 { return v + omega.cross(p); };
+  Limit limit;
+  limit.p_L = link.p_LCom;
+  if (velocity(limit.p_L).norm() < kLeastLever) limit.p_L += tool.length * omega.unitOrthogonal();
+  limit.lever = std::max(velocity(limit.p_L).norm(), 1e-9);
+  limit.along_L = velocity(limit.p_L) / limit.lever;
   return limit;
 }
 

@@ -37,6 +37,7 @@ class JointLimits {
   };
 
   static Limit limit_of(const Link& link, double tool_length) noexcept;
+  static Limit limit_of(const ToolDescription& tool, int index, double bound) noexcept;
   static LocalContact contact_at(const Limit& limit, int parent) noexcept;
 
   StaticVector<Limit, 2 * kMaxLinks> limits_;

@@ -53,6 +53,15 @@ Unknowns along_normal(const LocalContact& contact, const FrameMotions& frames) n
   return direction;
 }
 
+/// Adds to E v⁺ = r that the hand's wrench changes with the velocity at the end of the step.
+void resist(const HandInput& hand, const Jacobian& J_h, const Velocity& v, double dt, MassMatrix& E,
+            GeneralisedForce& r) noexcept {
+  const Twist V = J_h.lazyProduct(v);
+  const Vector6 impedance = hand.damping + dt * hand.stiffness;
+  E += dt * (J_h.transpose() * impedance.asDiagonal() * J_h);
+  r += dt * J_h.transpose().lazyProduct(Vector6(hand.damping.cwiseProduct(V)));
+}
+
 }  // namespace
 
 LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
@@ -63,8 +72,7 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
       ve_tool_(tool),
       v_(Velocity::Zero(tool.dof())),
       limits_(tool, q),
-      external_(tool),
-      load_(GeneralisedForce::Zero(tool.dof())),
+      loads_(tool),
       search_(dt) {
   proxy_.set_configuration(q);
   ve_tool_.set_configuration(q);
@@ -95,20 +103,18 @@ ContactWrench LocalModel::step(const HandInput& hand, bool floats) noexcept {
   GeneralisedForce weight = proxy_.gravity();
   if (floats) weight.setZero();
   GeneralisedForce r = mass * v_ + dt_ * (J_h.transpose().lazyProduct(hand.F) - weight);
-  if (implicit) {
-    const Twist V = J_h.lazyProduct(v_);
-    const Vector6 impedance = hand.damping + dt_ * hand.stiffness;
-    E += dt_ * (J_h.transpose() * impedance.asDiagonal() * J_h);
-    r += dt_ * J_h.transpose().lazyProduct(Vector6(hand.damping.cwiseProduct(V)));
-  }
-  external_.begin_step(proxy_, v_, dt_, E, r);
+  if (implicit) resist(hand, J_h, v_, dt_, E, r);
+  loads_.external.begin_step(proxy_, v_, dt_, E, r);
+  loads_.drives.begin_step(proxy_, hand.opening, dt_);
   Unknowns x;
+  if (!implicit) loads_.drives.add_to(E, r);
   const GeneralisedForce tau =
       implicit ? apply_implicitly(frames, law, E, r, x) : apply_explicitly(frames, law, x);
   v_ = E.llt().solve(r + dt_ * tau);
-  load_ = external_.end_step(proxy_, v_, dt_) - weight;
+  loads_.latest = loads_.external.end_step(proxy_, v_, dt_) - weight;
+  loads_.latest += loads_.drives.end_step(v_, tau);
   move_freely(proxy_, v_, dt_);
-  felt.weight = H.lazyProduct(load_);
+  felt.weight = H.lazyProduct(load());
   felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;
@@ -132,29 +138,41 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   const GeneralisedForce tau = apply_explicitly(frames, law, x);
   GeneralisedForce r = GeneralisedForce::Zero(proxy_.dof());
   MassMatrix E = MassMatrix::Zero(proxy_.dof(), proxy_.dof());  // Of no use: v is given.
-  external_.begin_step(proxy_, v_, dt_, E, r);
-  load_ = external_.end_step(proxy_, v_, dt_) - proxy_.gravity();
+  loads_.external.begin_step(proxy_, v_, dt_, E, r);
+  loads_.latest = loads_.external.end_step(proxy_, v_, dt_) - proxy_.gravity();
   ContactWrench felt;
-  felt.weight = H.lazyProduct(load_);
+  felt.weight = H.lazyProduct(load());
   felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;
 }
 
 /// The contacts with their forces at the end of the step, for which x solves it: returns what they
-/// do to the tool.
+/// do to the tool. E and r are without the joints' drives before, and with them afterwards.
 GeneralisedForce LocalModel::apply_implicitly(const FrameMotions& frames, const ContactLaw& law,
-                                              const MassMatrix& E, const GeneralisedForce& r,
+                                              MassMatrix& E, GeneralisedForce& r,
                                               Unknowns& x) noexcept {
   const int d = proxy_.dof();
   StepSystem system = unit_system(frames);
-  system.E.topLeftCorner(d, d) = E;
-  system.r.head(d) = r;
+  const MassMatrix undriven_E = E;
+  const GeneralisedForce undriven_r = r;
+  const auto drive = [&] {
+    E = undriven_E;
+    r = undriven_r;
+    loads_.drives.add_to(E, r);
+    system.E.topLeftCorner(d, d) = E;
+    system.r.head(d) = r;
+  };
+  drive();
   const std::array<ContactGroup, 3> groups{
       {{contacts_.contacts(), law},
        {limits_.contacts(), law},
        {contacts_.supports(), support_law(dt_, kSupportFriction)}}};
   x = solve_contact_step(groups, frames, system);
+  if (x.allFinite() && loads_.drives.revise(x.head(d))) {
+    drive();
+    x = solve_contact_step(groups, frames, system);
+  }
   correct_step(groups, frames, system, x);
   if (!x.allFinite()) x.setZero();  // Levers and speeds beyond numbers: what is deep pushes.
   GeneralisedForce tau = apply_contact_forces(groups[0], frames, x).head(d);

@@ -20,7 +20,7 @@
 #include "hlm/haptic_server/local_model/hand_map.h"
 #include "hlm/haptic_server/local_model/healing_tank.h"
 #include "hlm/haptic_server/local_model/joint_limits.h"
-#include "hlm/haptic_server/local_model/link_wrenches.h"
+#include "hlm/haptic_server/local_model/loads.h"
 #include "hlm/haptic_server/local_model/model_update.h"
 #include "hlm/haptic_server/local_model/parameters.h"
 #include "hlm/haptic_server/local_model/scene_search.h"
@@ -34,6 +34,7 @@ struct HandInput {
   Wrench F = Wrench::Zero();
   Vector6 stiffness = Vector6::Zero();  ///< Diagonal of K: N/m, then N·m/rad.
   Vector6 damping = Vector6::Zero();    ///< Diagonal of B: N·s/m, then N·m·s/rad.
+  std::optional<double> opening = {};   ///< Of the device's gripper, 0 closed to 1 open.
 };
 
 /// What contacts and weight do to the hand in one step, world axes, at the hand's frame.
@@ -73,7 +74,7 @@ class LocalModel {
   bool keeps_contacts() const noexcept { return search_.keeps_contacts(); }
 
   /// External wrenches act with this force at most, N.
-  void bound_external(double most) noexcept { external_.bound(most); }
+  void bound_external(double most) noexcept { loads_.external.bound(most); }
 
   void adopt(const ModelUpdate& update) noexcept;
 
@@ -114,8 +115,10 @@ class LocalModel {
   const LocalBodies& bodies() const noexcept { return bodies_.local(); }
   /// What the environment must place, or take back.
   StaticVector<HeldState, kMaxPoses> held() const noexcept { return bodies_.held(); }
-  /// τ of weight and external wrenches in the latest step, N or N·m.
-  const GeneralisedForce& load() const noexcept { return load_; }
+  /// τ of weight, external wrenches and drives in the latest step, N or N·m.
+  const GeneralisedForce& load() const noexcept { return loads_.latest; }
+  /// The drives of its joints.
+  const DrivenJoints& drives() const noexcept { return loads_.drives; }
   const BodyImpulses& impulses() const noexcept { return impulses_; }
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.
@@ -134,8 +137,7 @@ class LocalModel {
   void evaluate(const FrameMotions& frames) noexcept;
   GeneralisedForce collide(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D) noexcept;
   GeneralisedForce apply_implicitly(const FrameMotions& frames, const ContactLaw& law,
-                                    const MassMatrix& E, const GeneralisedForce& r,
-                                    Unknowns& x) noexcept;
+                                    MassMatrix& E, GeneralisedForce& r, Unknowns& x) noexcept;
   GeneralisedForce apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
                                     Unknowns& x) noexcept;
   void add_impulse(const LocalContact& contact, const Vector3& P_W) noexcept;
@@ -188,8 +190,7 @@ class LocalModel {
   Velocity v_;
   ContactSets contacts_;
   JointLimits limits_;
-  LinkWrenches external_;
-  GeneralisedForce load_;
+  Loads loads_;
   Bodies bodies_;
   BodyImpulses impulses_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;

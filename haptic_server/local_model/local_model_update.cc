@@ -59,7 +59,8 @@ void reframe(LocalContact& contact, FrameIndex frame_b, const Placement& X_WB) n
 
 void LocalModel::adopt(const ModelUpdate& update) noexcept {
   ve_tool_.set_configuration(update.q_VE);
-  external_.adopt(update, ve_tool_);
+  loads_.external.adopt(update, ve_tool_);
+  loads_.drives.adopt(update.drives, proxy_);
   impulses_.end_silence();
   const LocalBodies held = bodies_.that_stay(update, search_.scene());
   const auto now = static_cast<double>(impulses_.world_step());

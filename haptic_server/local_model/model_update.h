@@ -2,6 +2,7 @@
 #pragma once
 
 #include "hlm/common/contact.h"
+#include "hlm/common/joint_drive.h"
 #include "hlm/common/tool_model.h"
 
 namespace hlm::server {
@@ -11,6 +12,7 @@ inline const BodyPoses kNoPoses;
 inline const AccelerationRates kNoRates;
 inline const ExternalWrenches kNoWrenches;
 inline const Ownerships kNoOwners;
+inline const JointDrives kNoDrives;
 
 struct ModelUpdate {
   const ReportedContacts& contacts;
@@ -26,7 +28,8 @@ struct ModelUpdate {
   /// Several on one link add up; of a link that is not named there is none.
   const ExternalWrenches& external = kNoWrenches;
   const Ownerships& owners = kNoOwners;  ///< Of `poses`.
-  bool holds = true;                     ///< The server may move what bears upon the tool.
+  const JointDrives& drives = kNoDrives;
+  bool holds = true;  ///< The server may move what bears upon the tool.
 };
 
 }  // namespace hlm::server

@@ -1,5 +1,6 @@
 #include "hlm/haptic_server/loop/port.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -42,21 +43,34 @@ Port::Port(const ServoOptions& options, Device& device) noexcept
       limiter_(options.limits, device.ratings(), 1 / options.rate),
       energy_(device.ratings(), budget_of(options, device).energy.capacity, 1 / options.rate),
       handle_(options.handle),
-      largest_force_(budget_of(options, device).max_force) {}
+      largest_force_(budget_of(options, device).max_force),
+      largest_step_(budget_of(options, device).max_force_step) {}
 
 void Port::begin(const Pose& X_WH) noexcept {
   device_.align(X_WH);
   device_.enable();
   limiter_.restart();
   energy_.begin();
+  grip_ = 0;
   halted_ = false;
   clutched_ = false;
 }
 
 void Port::allow(bool force) noexcept { limiter_.allow(force && !clutched_); }
 
+void Port::grip(double force) noexcept {
+  if (ratings().max_gripper_force == 0) return;
+  const double most = ratings().max_gripper_force;
+  const double wanted =
+      std::isfinite(force) ? limiter_.portion() * std::clamp(force, -most, most) : 0;
+  grip_ += std::clamp(wanted - grip_, -largest_step_, largest_step_);
+  device_.grip(grip_);
+}
+
 void Port::cut() noexcept {
   limiter_.cut();
+  grip_ = 0;
+  device_.grip(0);
   device_.write(Wrench::Zero());
   device_.disable();
 }

@@ -53,6 +53,9 @@ class Port {
                const DeviceState& device, bool twice) noexcept;
   /// An update changed the energy in the springs of contacts, J.
   void adopted(double before, double after) noexcept { energy_.adopted(before, after); }
+  /// The gripper of the next write() opens with so much, N at its finger. It rises, falls and is
+  /// limited as force is.
+  void grip(double force) noexcept;
   /// Gives the device what it may have of the wrenches u, the impulse's and the weight's. A fault
   /// where that is no number or the device does not take it.
   Fault write(const Wrench& u, const Wrench& impulse, const Wrench& weight,
@@ -79,7 +82,9 @@ class Port {
   EnergyAccount energy_;
   HandleLimits handle_;
   double largest_force_;
+  double largest_step_;          ///< Change of force in a tick, N.
   Pose X_WStart_;                ///< Handle, as the session began, or the clutch was let go.
+  double grip_ = 0;              ///< What its gripper has, N.
   bool halted_ = false;          ///< The guard has taken the motors off since the tick before.
   bool clutched_ = false;        ///< Whether the device was clutched when last read.
   const char* cause_ = nullptr;  ///< Null: the device says it itself.

@@ -132,6 +132,7 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
     const Configuration& q = model->proxy().configuration();
     state.q = is_plausible(q) ? q : model->ve_tool().configuration();
     state.v = model->velocity();
+    state.grip = model->drives().grip();
   }
   state.X_WD = record.X_WD;
   state.V_WD = record.V_WD;

@@ -161,7 +161,8 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
                             {.movable_bodies = true,
                              .self_contacts = true,
                              .scenes = scene_.offered(),
-                             .holds = scene_.offered()}));
+                             .holds = scene_.offered(),
+                             .guides = true}));
 }
 
 void Servo::apply(const protocol::Control& control) noexcept {
@@ -247,6 +248,7 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
                  .v_VE = &update.v_VE,
                  .external = young ? update.external : kNoWrenches,
                  .owners = update.owners,
+                 .drives = update.drives,
                  .holds = moves_bodies});
   port_.adopted(stored, stored_energy(*model_, stiffness));
   const ToolModel& tool = model_->ve_tool();
@@ -286,6 +288,7 @@ ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
   const Pose X_WP = model_->proxy().X_WH();
   HandInput hand = controller_.to_proxy(device, {X_WP, model_->hand_twist()});
   if (has_scene()) saturate(hand, kLargestPush * port_.largest_force());
+  hand.opening = device.gripper;
   // What bears it is not known yet.
   const bool floats = machine_.state() == ServerState::kArming;
   const ContactWrench felt = model_->step(hand, floats);
@@ -303,6 +306,9 @@ Fault Servo::render(const DeviceState& device, const ContactWrench& felt) noexce
   const Wrench weight = controller_.bears_weight(device) ? felt.weight : Wrench(Wrench::Zero());
   const bool coupled = controller_.kind() == ControllerKind::kVirtualCoupler;
   const Wrench impulse = coupled ? Wrench(Wrench::Zero()) : felt.impulse;
+  // By virtual work: while its finger goes its travel, the coordinate goes its stroke.
+  const double travel = port_.ratings().gripper_travel;
+  if (travel > 0) port_.grip(model_->drives().grip() * model_->drives().stroke() / travel);
   const Fault fault = port_.write(u, impulse, weight, device, record_);
   record_.F_env = felt.F + port_.impulse_wrench();
   if (fault == Fault::kNone && traits(controller_.kind()).replaces_proxy) {

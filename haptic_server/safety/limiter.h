@@ -44,6 +44,9 @@ class Limiter {
     return none ? ForceLevel::kNone : ForceLevel::kSome;
   }
 
+  /// Share of the wanted wrench that is rendered, 0 to 1, as force rises and falls.
+  double portion() const noexcept { return portion_; }
+
   /// The handle is at X_WD now; supply: the work since the latest command that is explained besides
   /// that of the weight in it, J. Keeps the ledger of the port.
   void observe(const Pose& X_WD, double supply) noexcept {

@@ -96,6 +96,12 @@ for row = 1, 6 do
   for column = row, 6 do table.insert(TRIANGLE, row .. column) end
 end
 
+-- Of a curve: of each power of x seven factors.
+local CURVE = {}
+for power = 0, 9 do
+  for _, component in ipairs(POSE) do table.insert(CURVE, component .. " x^" .. power) end
+end
+
 -- A label is the field's name, and its unit behind it in brackets.
 
 local function field(kind, label, meaning, demand)
@@ -195,17 +201,24 @@ local TABLES = {
     coordinates(F64, "q", "q_size", "initial configuration"),
     optional(flag("clears_fault", "a person asks for this session, and it ends a fault of the server (section 5)")),
     list("links", "link", 16),
+    optional(list("curves", "curve", 16)),
   },
   link = {
     field(I8, "parent", "index of the parent link"),
-    code("joint", "by code, section 1", {[0] = "fixed", [1] = "revolute", [2] = "prismatic", [3] = "planar", [4] = "free"}),
+    code("joint", "by code, section 1", {[0] = "fixed", [1] = "revolute", [2] = "prismatic", [3] = "planar", [4] = "free", [5] = "guided", [6] = "following"}),
     numbers(F64, "X_PJ", POSE, "pose of the joint's frame in the parent's frame"),
     numbers(F64, "axis", XYZ, "of a revolute or prismatic joint, in J"),
     field(F64, "mass [kg]", "of the link, kg"),
     numbers(F64, "com [m]", XYZ, "centre of mass in the link's frame, m"),
     numbers(F64, "inertia [kg·m²]", INERTIA, "about the centre of mass, link's axes, kg·m²"),
-    field(F64, "lower [rad or m]", "least q of a revolute or prismatic joint, rad or m"),
+    field(F64, "lower [rad or m]", "least q of a revolute, prismatic or guided joint, rad or m"),
     field(F64, "upper", "its largest q"),
+  },
+  curve = {
+    field(U8, "link", "index of the link"),
+    field(U8, "leader", "index of the guided link whose coordinate it is"),
+    field(F64, "armature", "what a motor adds to the coordinate's inertia, kg or kg·m²"),
+    numbers(F32, "terms [m]", CURVE, "factors of 1, x, x², … x⁹, seven each"),
   },
   welcome = {
     field(HEX64, "nonce", "of the hello that is answered"),
@@ -243,6 +256,7 @@ local TABLES = {
     optional(flag("observes_hand", "the hand's wrench is not measured but estimated, from the handle's motion")),
     optional(flag("scenes", "the server takes shapes and placements (section B)")),
     optional(flag("holds", "it takes inertias, too, and moves the bodies that the hand holds (section B)")),
+    optional(flag("guides", "tools may have guided joints, and updates drives")),
   },
   reject = {
     field(HEX64, "nonce", "of the hello that is answered"),
@@ -269,6 +283,7 @@ local TABLES = {
     optional(list("rates", "rate", 16)),
     optional(list("external", "wrench", 16)),
     optional(list("owners", "owner", 64)),
+    optional(list("drives", "drive", 16)),
   },
   body = {
     field(U32, "id", "the VE's number for it, the same in every update"),
@@ -315,6 +330,16 @@ local TABLES = {
     flag("kept", "the server must not move it: another hand holds it"),
     field(U8, "slowed", "how much slower the body's time goes than the hand's, in 1/255"),
   },
+  drive = {
+    field(U8, "link", "index of the link whose joint it is"),
+    flag("follows_device", "where the device has a gripper, that leads: its opening, 0 to 1, goes from closed to open"),
+    field(F64, "target", "coordinate that it goes to", LENGTH),
+    field(F64, "closed", "coordinate of the closed gripper", LENGTH),
+    field(F64, "open", "coordinate of the open gripper", LENGTH),
+    field(F64, "stiffness", "of the spring", between(0, 1e9)),
+    field(F64, "damping", "of the damper", between(0, 1e9)),
+    field(F64, "most", "largest force", between(0, 1e9)),
+  },
   proxy_state = {
     field(U64, "acknowledged", "sequence of the update that was taken"),
     field(U64, "step", "periods of the loop since the session began, this one and missed ones included"),
@@ -354,6 +379,9 @@ local TABLES = {
     optional(flag("hand_observed", "F_hand is not measured but estimated, from the handle's motion")),
     optional(field(F64, "lowered", "share, 0 to 1, of the stiffness and damping that the control asks for that is not in effect, because the device is late and does not bear it")),
     optional(field(U32, "scene", "number of the scene in force (section B), 0 none")),
+    optional(field(U32, "spare")),
+    optional(field(U8, "spare_byte")),
+    optional(field(F64, "grip", "force of contacts that opens the driven joints, N or N·m of their coordinates, their sum")),
   },
   goodbye = {
     code("reason", nil, {[0] = "finished", [1] = "shutdown"}),

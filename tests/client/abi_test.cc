@@ -26,6 +26,12 @@ std::string layout() {
   FIELD(options, hand_rotation), FIELD(options, gravity), FIELD(options, length);
   FIELD(options, q), FIELD(options, rate), FIELD(options, epsilon), FIELD(options, clears_fault),
       FIELD(options, made_of_defaults);
+  FIELD(options, curves), FIELD(options, curve_count);
+  STRUCT(curve);
+  FIELD(curve, link), FIELD(curve, leader), FIELD(curve, armature), FIELD(curve, terms);
+  STRUCT(drive);
+  FIELD(drive, link), FIELD(drive, follows_device), FIELD(drive, target), FIELD(drive, closed);
+  FIELD(drive, open), FIELD(drive, stiffness), FIELD(drive, damping), FIELD(drive, most);
   STRUCT(contact);
   FIELD(contact, identity), FIELD(contact, pair), FIELD(contact, axis), FIELD(contact, a_kind);
   FIELD(contact, b_kind), FIELD(contact, a_index), FIELD(contact, b_index), FIELD(contact, point);
@@ -42,7 +48,7 @@ std::string layout() {
   FIELD(state, q), FIELD(state, v), FIELD(state, contact_wrench), FIELD(state, command);
   FIELD(state, device_position), FIELD(state, device_rotation), FIELD(state, server);
   FIELD(state, active), FIELD(state, predicted), FIELD(state, buttons), FIELD(state, scene);
-  FIELD(state, holds), FIELD(state, gripper);
+  FIELD(state, holds), FIELD(state, gripper), FIELD(state, grip);
   FIELD(state, round_trip), FIELD(state, servo_rate), FIELD(state, message);
   STRUCT(shape);
   FIELD(shape, kind), FIELD(shape, side), FIELD(shape, index), FIELD(shape, group);
@@ -74,11 +80,13 @@ std::string layout() {
 /// Sizes and offsets in bytes, by HAPTIC_ABI, on a machine of 64 bits.
 const std::map<int, std::string> kLayouts{{5, R"(
 link 208: parent 0 joint 4 position 8 rotation 32 axis 64 mass 88 centre 96 inertia 120 lower 192 upper 200
-options 288: server 0 key_file 8 links 16 link_count 24 hand_link 32 hand_position 40 hand_rotation 64 gravity 96 length 120 q 128 rate 264 epsilon 272 clears_fault 280 made_of_defaults 284
+options 304: server 0 key_file 8 links 16 link_count 24 hand_link 32 hand_position 40 hand_rotation 64 gravity 96 length 120 q 128 rate 264 epsilon 272 clears_fault 280 made_of_defaults 284 curves 288 curve_count 296
+curve 576: link 0 leader 4 armature 8 terms 16
+drive 56: link 0 follows_device 4 target 8 closed 16 open 24 stiffness 32 damping 40 most 48
 contact 128: identity 0 pair 8 axis 12 a_kind 14 b_kind 15 a_index 16 b_index 20 point 24 normal 48 separation 72 velocity 80 friction 104 load 112 plane 120
 body 440: id 0 round 4 centre 8 velocity 32 inverse_inertia 80 acceleration 368 axis 416
 impulse 56: body 0 reserved 4 impulse 8
-state 744: connected 0 began 4 lost 8 fresh 12 step 16 acknowledged 24 q_count 32 v_count 36 q 40 v 176 contact_wrench 304 command 352 device_position 400 device_rotation 424 server 456 active 460 predicted 464 buttons 468 scene 472 holds 476 gripper 480 round_trip 488 servo_rate 496 message 504
+state 752: connected 0 began 4 lost 8 fresh 12 step 16 acknowledged 24 q_count 32 v_count 36 q 40 v 176 contact_wrench 304 command 352 device_position 400 device_rotation 424 server 456 active 460 predicted 464 buttons 468 scene 472 holds 476 gripper 480 grip 488 round_trip 496 servo_rate 504 message 512
 shape 72: kind 0 side 4 index 8 group 12 mask 16 vertex_count 20 size 24 vertices 48 triangles 56 triangle_count 64
 pose 56: position 0 rotation 24
 material 16: friction 0 rule 8 priority 12

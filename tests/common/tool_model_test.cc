@@ -77,8 +77,9 @@ GeneralisedForce christoffel_force(ToolModel model, const Velocity& v) {
 TEST_CASE("The bias force is that of Christoffel's symbols of D(q)") {
   Random random;
   const JointType root = GENERATE(JointType::kPlanar, JointType::kRevolute, JointType::kFixed);
-  ToolModel model(test::random_tool(random, GENERATE(2, 5, 8), root));
-  model.set_configuration(test::random_configuration(random, model));
+  const ToolDescription chain = test::random_tool(random, GENERATE(2, 5, 8), root);
+  ToolModel model(GENERATE(false, true) ? test::guided(random, chain) : chain);
+  model.set_configuration(test::random_configuration(random, model) / 3);
   const Velocity v = test::random_velocity(random, model.dof(), 3.0);
   const GeneralisedForce expected = christoffel_force(model, v);
   CHECK((model.bias_force(v) - expected).norm() < 1e-7 * (1 + expected.norm()));  // N, N·m
@@ -87,7 +88,9 @@ TEST_CASE("The bias force is that of Christoffel's symbols of D(q)") {
 TEST_CASE("The bias force takes as much power as a change of D(q) gives: q̇ᵀc = ½ q̇ᵀḊq̇") {
   Random random;
   const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute);
-  ToolModel model(test::random_tool(random, GENERATE(1, 2, 7), root));
+  const ToolDescription chain = test::random_tool(random, GENERATE(1, 2, 7), root);
+  const bool has_curves = GENERATE(false, true) && chain.links.size() > 1;
+  ToolModel model(has_curves ? test::guided(random, chain) : chain);
   const Configuration q = test::random_configuration(random, model);
   const Velocity v = test::random_velocity(random, model.dof(), 3.0);
   const double h = 1e-6;
@@ -103,7 +106,8 @@ TEST_CASE("The bias force takes as much power as a change of D(q) gives: q̇ᵀc
 TEST_CASE("The hand Jacobian is the rate of the hand's pose") {
   Random random;
   const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute);
-  ToolModel model(test::random_tool(random, 5, root));
+  const ToolDescription chain = test::random_tool(random, 5, root);
+  ToolModel model(GENERATE(false, true) ? test::guided(random, chain) : chain);
   const Configuration q = test::random_configuration(random, model);
   const Velocity v = test::random_velocity(random, model.dof(), 1.0);
   const double dt = 1e-6;
@@ -116,6 +120,37 @@ TEST_CASE("The hand Jacobian is the rate of the hand's pose") {
 
   const Twist expected = displacement(before, after) / (2 * dt);
   CHECK((model.hand_jacobian() * v - expected).norm() < 1e-6);  // m/s, rad/s
+}
+
+TEST_CASE("A mass matrix is that of the links' Jacobians, whatever shares a coordinate") {
+  Random random;
+  const ToolDescription tool = test::guided(random, test::random_tool(random, 7, JointType::kFree));
+  REQUIRE(!find_error(tool));
+  ToolModel model(tool);
+  model.set_configuration(test::random_configuration(random, model));
+  MassMatrix expected = MassMatrix::Zero(model.dof(), model.dof());
+  for (int i = 0; i < model.links(); ++i) {
+    const Link& link = tool.links[static_cast<std::size_t>(i)];
+    const Jacobian J = model.jacobian(i, model.X_WL(i) * link.p_LCom);
+    const Matrix3 R = model.X_WL(i).R.toRotationMatrix();
+    Matrix6 inertia = Matrix6::Zero();
+    inertia.topLeftCorner<3, 3>() = link.mass * Matrix3::Identity();
+    inertia.bottomRightCorner<3, 3>() = R * link.I_LCom * R.transpose();
+    expected += J.transpose() * inertia * J;
+  }
+  const int own = model.velocity_index(1);
+  expected(own, own) += tool.curves[0].armature;
+  CHECK((model.mass_matrix() - expected).norm() < 1e-12 * expected.norm());
+}
+
+TEST_CASE("Beyond its limits a curve goes on straight") {
+  Random random;
+  const ToolDescription tool = test::guided(random, test::random_tool(random, 2, JointType::kFree));
+  const JointCurve& curve = tool.curves[0];
+  const CurvePoint end = point_of(curve, -0.5, 0.5, 0.5);
+  const CurvePoint beyond = point_of(curve, -0.5, 0.5, 0.6);
+  CHECK((beyond.X_JL.p - end.X_JL.p - 0.1 * end.v_J).norm() < 1e-12);  // m
+  CHECK(beyond.a_J.isZero(0));
 }
 
 TEST_CASE("Quaternions stay unit over a million steps") {

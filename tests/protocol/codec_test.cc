@@ -57,13 +57,26 @@ Hello documented_hello() {
   hello.tool.gravity_W = {0, -9.81, 0};
   hello.tool.length = 0.04;
   hello.tool.X_LH.p = {0, 0.01, 0};
-  hello.q = Vector3(0.01, -0.02, 0.5);
+  hello.q = Eigen::Vector4d(0.01, -0.02, 0.5, 0.02);
   hello.clears_fault = true;
   Link link;
   link.joint = JointType::kPlanar;
   link.p_LCom = {0, 0.002, 0};
   link.I_LCom << 0.001, 0.0001, 0, 0.0001, 0.0015, -0.0002, 0, -0.0002, 0.002;
   hello.tool.links.push_back(link);
+  Link& jaw = hello.tool.links.emplace_back();
+  jaw.parent = 0;
+  jaw.joint = JointType::kGuided;
+  jaw.X_PJ.p = {0, 0.02, 0};
+  jaw.mass = 0.05;
+  jaw.I_LCom = 1e-5 * Matrix3::Identity();
+  jaw.lower = 0;
+  jaw.upper = 0.04;
+  JointCurve& curve = hello.tool.curves.emplace_back();
+  curve.link = curve.leader = 1;
+  curve.armature = 0.1;
+  curve.terms.col(0) << 0.02F, 0, 0, 1, 0, 0, 0;
+  curve.terms.col(1) << 0.02F, 0, 0, 0, 0, 0, 0.25;
   return hello;
 }
 
@@ -107,6 +120,14 @@ ContactUpdate documented_update() {
   wrench.F_W << 0, 0, -2.5, 0.01, 0, 0;
   update.external.push_back(wrench);
   update.owners.push_back({.body = 5, .number = 3, .slowed = 51});
+  update.drives.push_back({.link = 0,
+                           .follows_device = true,
+                           .target = 0.01,
+                           .closed = 0,
+                           .open = 0.04,
+                           .stiffness = 1000,
+                           .damping = 5,
+                           .most = 20});
   return update;
 }
 
@@ -141,6 +162,7 @@ ProxyState documented_state() {
   state.hand_observed = true;
   state.lowered = 0.25;
   state.scene = 2;
+  state.grip = 2.5;
   return state;
 }
 
@@ -208,6 +230,7 @@ Welcome documented_welcome() {
   welcome.device.guidable = true;
   welcome.device.freedoms = kPlanarFreedoms;
   welcome.capabilities.scenes = true;
+  welcome.capabilities.guides = true;
   return welcome;
 }
 
@@ -465,8 +488,11 @@ void set_length(DatagramBytes& bytes) {
 
 /// Where the lists of documented_update() that older clients do not send begin, each with one item
 /// behind its header.
+std::size_t end_without_drives(const DatagramBytes& update) {
+  return update.size() - layout::kItemSize<JointDrive> - layout::kListHeaderSize;
+}
 std::size_t end_without_owners(const DatagramBytes& update) {
-  return update.size() - layout::kItemSize<Ownership> - layout::kListHeaderSize;
+  return end_without_drives(update) - layout::kItemSize<Ownership> - layout::kListHeaderSize;
 }
 std::size_t end_without_external(const DatagramBytes& update) {
   return end_without_owners(update) - layout::kItemSize<ExternalWrench> - layout::kListHeaderSize;
@@ -484,9 +510,14 @@ TEST_CASE("Every truncation of every message is refused, but those that older cl
     Header header;
     REQUIRE_FALSE(decode_header(view(bytes), header));
     const bool is_update = header.type == MessageType::kContactUpdate;
-    const std::array<std::size_t, 4> older{
-        is_update ? end_without_owners(bytes) : 0, is_update ? end_without_external(bytes) : 0,
-        is_update ? end_without_rates(bytes) : 0, is_update ? end_without_poses(bytes) : 0};
+    const bool is_hello = header.type == MessageType::kHello;
+    const std::array<std::size_t, 6> older{
+        is_hello ? bytes.size() - layout::kItemSize<JointCurve> - layout::kListHeaderSize : 0,
+        is_update ? end_without_drives(bytes) : 0,
+        is_update ? end_without_owners(bytes) : 0,
+        is_update ? end_without_external(bytes) : 0,
+        is_update ? end_without_rates(bytes) : 0,
+        is_update ? end_without_poses(bytes) : 0};
     while (!bytes.empty()) {
       bytes.pop_back();
       CHECK(decode_whatever(bytes) == DropReason::kTruncated);
@@ -525,8 +556,9 @@ TEST_CASE("What a newer version appends to fixed fields, items and lists is skip
 
 TEST_CASE("What an older server of this version does not send has its default") {
   DatagramBytes bytes = encode(envelope_for<Welcome>(), documented_welcome());
-  bytes.resize(bytes.size() - 4);  // freedoms, whether the hand is observed, scenes, holds
-  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 4);  // block
+  // Freedoms, whether the hand is observed, scenes, holds, guides.
+  bytes.resize(bytes.size() - 5);
+  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 5);  // block
   set_length(bytes);
   Welcome decoded;
   REQUIRE(decode(view(bytes), decoded) == std::nullopt);
@@ -539,8 +571,8 @@ TEST_CASE("What an older server of this version does not send has its default") 
   state.fade = Fade::kClientSilent;
   state.given = 1;
   bytes = encode(envelope_for<ProxyState>(), state);
-  // Fade, what passed the port, the hand, lowered, the scene.
-  constexpr int kAppended = 1 + 5 * 8 + 1 + 8 + 4;
+  // Fade, what passed the port, the hand, lowered, the scene, the spare bytes, the grip.
+  constexpr int kAppended = 1 + 5 * 8 + 1 + 8 + 4 + 5 + 8;
   bytes.resize(bytes.size() - kAppended);
   const int block =
       std::to_integer<int>(bytes[38]) + 256 * std::to_integer<int>(bytes[39]) - kAppended;
@@ -583,6 +615,7 @@ TEST_CASE("An update of an older client has no lists of newer ones, whatever was
 TEST_CASE(
     "Rates of bodies come whole where there are no poses, and cost nothing where there are none") {
   ContactUpdate update = documented_update();
+  update.drives.clear();
   update.owners.clear();
   update.external.clear();
   update.poses.clear();

@@ -14,7 +14,7 @@ from document_test import read_tables
 UNITS = "ns|s|kg·m²|kg|rad or m|m/s²|m/s|m|N·m·s/rad|N·m/rad|N·m|N·s/m|N·s|N/m|N|Hz|J"
 HEXADECIMAL = {"session", "nonce", "fingerprint", "identity", "bitmap"}
 # What a hello says wrongly is answered, and the header is checked as a whole.
-UNCHECKED = {"header", "list", "hello", "link"}
+UNCHECKED = {"header", "list", "hello", "link", "curve"}
 SEALING = {"initiation", "response", "sealed"}  # the dissector's own: packets, not messages
 # Bytes of the scene stream, which chunks cut anywhere.
 RECORDS = {"record", "shape", "placement", "removal", "apart", "commit", "inertia", "joint"}
@@ -49,7 +49,7 @@ def components_of(kind, count, field, meaning):
         if "Ixx" in meaning:
             return "INERTIA"
         return "WRENCH" if field.startswith("F") else "TWIST"
-    return {"3": "XYZ", "4": "WORDS", "7": "POSE", "21": "TRIANGLE"}[count]
+    return {"3": "XYZ", "4": "WORDS", "7": "POSE", "21": "TRIANGLE", "70": "CURVE"}[count]
 
 
 def call(function, *arguments):

@@ -19,12 +19,14 @@
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<JointType>, 5> kWords<JointType>{{
+inline constexpr std::array<Word<JointType>, 7> kWords<JointType>{{
     {JointType::kFixed, "fixed", ""},
     {JointType::kRevolute, "revolute", ""},
     {JointType::kPrismatic, "prismatic", ""},
     {JointType::kPlanar, "planar", ""},
     {JointType::kFree, "free", ""},
+    {JointType::kGuided, "guided", ""},
+    {JointType::kFollowing, "following", ""},
 }};
 template <>
 inline constexpr std::array<Word<protocol::MessageType>, 14> kWords<protocol::MessageType>{{

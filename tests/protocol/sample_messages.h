@@ -54,6 +54,9 @@ inline protocol::Hello random_hello(Random& random) {
     link.lower = random.uniform(-2, 0);
     link.upper = random.uniform(0, 2);
   }
+  if (hello.tool.links.size() > 1 && random.integer(0, 1) == 1) {
+    hello.tool = guided(random, hello.tool);
+  }
   hello.q = random_configuration(random, ToolModel(hello.tool));
   hello.ve_rate = random.uniform(1, 100);
   hello.epsilon = random.uniform(0, 0.02);
@@ -127,6 +130,17 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
   for (int link = 0; link < model.links(); link += 2) {
     update.external.push_back({static_cast<std::uint8_t>(link), random_vector6(random, 10)});
   }
+  for (std::uint8_t link = 0; link < tool.links.size(); ++link) {
+    if (!has_one_coordinate(tool.links[link].joint) || random.integer(0, 1) == 0) continue;
+    update.drives.push_back({.link = link,
+                             .follows_device = random.integer(0, 1) == 1,
+                             .target = random.uniform(-1, 1),
+                             .closed = random.uniform(-1, 1),
+                             .open = random.uniform(-1, 1),
+                             .stiffness = random.uniform(0, 1e4),
+                             .damping = random.uniform(0, 1e2),
+                             .most = random.uniform(0, 1e2)});
+  }
   return update;
 }
 
@@ -169,6 +183,7 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.lowered = random.uniform(0, 1);
   state.fade = static_cast<Fade>(random.integer(0, 4));
   state.scene = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+  state.grip = random.uniform(-10, 10);
   return state;
 }
 
@@ -198,7 +213,7 @@ inline protocol::Welcome random_welcome(Random& random) {
   welcome.fade_time = random.uniform(0.01, 1);
   welcome.least_update_rate = random.uniform(1, 100);
   const auto flip = [&] { return random.integer(0, 1) == 1; };
-  welcome.capabilities = {flip(), flip(), flip(), flip(), flip()};
+  welcome.capabilities = {flip(), flip(), flip(), flip(), flip(), flip()};
   protocol::DeviceReport& device = welcome.device;
   device.name = text("a device");
   device.max_force = random.uniform(0, 20);

@@ -112,6 +112,8 @@ class MujocoTool {
   static void write_joint(std::ostream& out, const Link& link) {
     switch (link.joint) {
       case JointType::kFixed:
+      case JointType::kGuided:
+      case JointType::kFollowing:
         return;
       case JointType::kFree:
         out << "<freejoint/>";

@@ -43,6 +43,28 @@ inline ToolDescription random_tool(Random& random, int count, JointType root) {
   return tool;
 }
 
+/// Some of its links go over to curves: the first one that moves on the root leads the others, on
+/// the root and on each other. Limits ±0.5.
+inline ToolDescription guided(Random& random, ToolDescription tool, std::uint8_t leader = 1) {
+  for (std::uint8_t i = leader; i < tool.links.size(); ++i) {
+    if (i != leader && random.integer(0, 2) == 0) continue;
+    Link& link = tool.links[i];
+    link.joint = i == leader ? JointType::kGuided : JointType::kFollowing;
+    link.lower = -0.5;
+    link.upper = 0.5;
+    JointCurve& curve = tool.curves.emplace_back();
+    curve.link = i;
+    curve.leader = leader;
+    curve.armature = random.uniform(0, 0.01);
+    for (int k = 0; k < kCurveTerms; ++k) {
+      for (int row = 0; row < 7; ++row)
+        curve.terms(row, k) = static_cast<float>(random.uniform(-0.1, 0.1) / (1 + k * k));
+    }
+    curve.terms(3, 0) = 1;
+  }
+  return tool;
+}
+
 /// A rigid tool in space, its frame at its centre of mass.
 inline ToolDescription rigid_tool(double mass, const Matrix3& inertia,
                                   JointType joint = JointType::kFree) {

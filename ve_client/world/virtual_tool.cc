@@ -257,6 +257,9 @@ void VirtualTool::read_joint(int link, int coordinate, int velocity, Configurati
       v_.segment<6>(velocity) << v_J, w_J;
       return;
     }
+    case JointType::kGuided:
+    case JointType::kFollowing:
+      return;  // No joint of a world is one.
   }
 }
 

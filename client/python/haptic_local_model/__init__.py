@@ -33,10 +33,10 @@ from numpy.typing import ArrayLike
 from haptic_local_model import _arguments, _interrupt
 from haptic_local_model._arguments import HapticError
 from haptic_local_model._frame import frame_of
-from haptic_local_model._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX_CONTACTS, MAX_DOF, MAX_POSES, NO_LIMIT, Impulse,
-                             Link, Options, Shape, State, load, load_virtual)
+from haptic_local_model._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX_CONTACTS, MAX_DOF, MAX_POSES, NO_LIMIT, Curve, Drive,
+                             Impulse, Link, Options, Shape, State, load, load_virtual)
 
-__all__ = ["BODY", "CONTACT", "DYNAMICS", "FRICTION_RULES", "HELD", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "NO_BODY", "NO_LIMIT", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
+__all__ = ["BODY", "CONTACT", "Curve", "DYNAMICS", "Drive", "FRICTION_RULES", "HELD", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "NO_BODY", "NO_LIMIT", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
            "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "dynamics", "poses", "sphere"]
 
 __version__ = "0.4.0"
@@ -44,7 +44,7 @@ _MODULES = ("demo", "drake", "isaacteleop", "mujoco", "newton", "pybullet", "rob
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
 NO_BODY = 2**32 - 1  #: The parent of what hangs on the world.
 NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2
-JOINTS = {"fixed": 0, "revolute": 1, "prismatic": 2, "planar": 3, "free": 4}
+JOINTS = {"fixed": 0, "revolute": 1, "prismatic": 2, "planar": 3, "free": 4, "guided": 5, "following": 6}
 #: The mean of two coefficients (as Rapier, PhysX), the smaller, their product (Bullet), the larger one (MuJoCo).
 FRICTION_RULES = ("average", "minimum", "product", "maximum")
 _MATERIAL = np.dtype([("friction", "f8"), ("rule", "i4"), ("priority", "i4")])
@@ -180,6 +180,12 @@ def sphere(mass: float = 1, radius: float = 0.05, joint: str = "free") -> Link:
     return _link(mass, (0.4 * mass * radius * radius,) * 3, joint)
 
 
+def _coordinates(links: Sequence[Link]) -> int:
+    """Length of q. The library names a joint that there is not, and links that are too many."""
+    count = sum({1: 1, 2: 1, 3: 3, 4: 7, 5: 1}.get(link.joint, 0) for link in links[:MAX_DOF]) if links else 7
+    return min(count, MAX_CONFIGURATION)
+
+
 class Session:
     """One client of a haptic server. It keeps asking until a server answers, and after one is gone.
 
@@ -187,13 +193,13 @@ class Session:
     start_server allows it, one with a simulated device is started at a free port, for this session alone. It ends with the
     session, with the program, or with the thread that made the session, which should last. hold() is its hand.
 
-    tool: the root link, or all links, parents before children. q: where the tool is now (default: all
+    tool: the root link, or all links, parents before children. curves: of its guided and following links. q: where the tool is now (default: all
     zero, quaternion w = 1). rate: of your steps, Hz. epsilon: contacts are sent from this separation
     on, m, 0 to 1. In a `with` statement Ctrl-C sets `running` to False; the second one raises KeyboardInterrupt. Raises HapticError where something cannot be used or there is no haptic_server to
     start, OSError where there is no library.
     """
 
-    def __init__(self, server: Optional[str] = None, tool: Link | Sequence[Link] | None = None, *,
+    def __init__(self, server: Optional[str] = None, tool: Link | Sequence[Link] | None = None, *, curves: Sequence[Curve] = (),
                  q: Optional[ArrayLike] = None, key_file: Optional[str] = None, rate: float = 60,
                  epsilon: float = 0.005, length: Optional[float] = None,
                  gravity: Sequence[float] = (0, 0, 0), hand_link: int = 0, clears_fault: bool = True,
@@ -206,9 +212,10 @@ class Session:
         if tool is not None:
             kept = (Link * len(links))(*links)
             options.links, options.link_count = kept, len(links)
-        # The library names a joint that there is not, and links that are too many.
-        count = sum({1: 1, 2: 1, 3: 3, 4: 7}.get(link.joint, 0) for link in links[:MAX_DOF]) if links else 7
-        count = min(count, MAX_CONFIGURATION)
+        guides = _arguments.items(curves, Curve, "curve")
+        kept_curves = (Curve * len(guides))(*guides)
+        options.curves, options.curve_count = kept_curves, len(guides)
+        count = _coordinates(links)
         start = np.zeros(count)
         if not links or links[0].joint == JOINTS["free"]:
             start[3] = 1
@@ -434,6 +441,12 @@ class Session:
         given = _arguments.array(wrench, (6,), "wrench")
         link = _arguments.integer(link, "link", -1)
         if self._library.haptic_external_wrench(self._open(), link, given.ctypes.data) != 0:
+            self._fail()
+
+    def drive_joints(self, drives: Sequence[Drive]) -> None:
+        """What drives the tool's joints, at most one of each, from the next send() on until the next call."""
+        given = _arguments.items(drives, Drive, "drive")
+        if self._library.haptic_drive_joints(self._open(), (Drive * len(given))(*given), len(given)) != 0:
             self._fail()
 
     def send(self, contacts: Optional[np.ndarray] = None, bodies: Optional[np.ndarray] = None,

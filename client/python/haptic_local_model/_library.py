@@ -10,6 +10,7 @@ from typing import Any, Iterable
 
 ABI = 5
 MAX_DOF, MAX_CONFIGURATION, MAX_CONTACTS, MAX_BODIES, MAX_POSES, MAX_TEXT = 16, 17, 192, 16, 64, 240
+CURVE_TERMS = 10
 NO_LIMIT = 1e9  # rad or m: a joint's limit that is none
 
 _double, _int, _size = ctypes.c_double, ctypes.c_int32, ctypes.c_size_t
@@ -23,12 +24,26 @@ class Link(ctypes.Structure):
                 ("lower", _double), ("upper", _double)]
 
 
+class Curve(ctypes.Structure):
+    """How a guided link moves, as haptic_curve in haptic.h."""
+    __slots__ = ()
+    _fields_ = [("link", _int), ("leader", _int), ("armature", _double), ("terms", _double * 7 * CURVE_TERMS)]
+
+
+class Drive(ctypes.Structure):
+    """What drives a joint of the tool, as haptic_drive in haptic.h."""
+    __slots__ = ()
+    _fields_ = [("link", _int), ("follows_device", _int), ("target", _double), ("closed", _double), ("open", _double),
+                ("stiffness", _double), ("damping", _double), ("most", _double)]
+
+
 class Options(ctypes.Structure):
     _fields_ = [("server", ctypes.c_char_p), ("key_file", ctypes.c_char_p), ("links", ctypes.POINTER(Link)),
                 ("link_count", _size), ("hand_link", _int), ("hand_position", _double * 3),
                 ("hand_rotation", _double * 4), ("gravity", _double * 3), ("length", _double),
                 ("q", _double * MAX_CONFIGURATION), ("rate", _double), ("epsilon", _double),
-                ("clears_fault", _int), ("made_of_defaults", ctypes.c_uint32)]
+                ("clears_fault", _int), ("made_of_defaults", ctypes.c_uint32), ("curves", ctypes.POINTER(Curve)),
+                ("curve_count", _size)]
 
 
 class Impulse(ctypes.Structure):
@@ -49,7 +64,7 @@ class State(ctypes.Structure):
                 ("v_count", _int), ("q", _double * MAX_CONFIGURATION), ("v", _double * MAX_DOF),
                 ("contact_wrench", _double * 6), ("command", _double * 6), ("device_position", _double * 3),
                 ("device_rotation", _double * 4), ("server", _int), ("active", _int), ("predicted", _int),
-                ("buttons", ctypes.c_uint32), ("scene", _int), ("holds", _int), ("gripper", _double), ("round_trip", _double),
+                ("buttons", ctypes.c_uint32), ("scene", _int), ("holds", _int), ("gripper", _double), ("grip", _double), ("round_trip", _double),
                 ("servo_rate", _double), ("message", ctypes.c_char * MAX_TEXT)]
 
 
@@ -121,6 +136,7 @@ def _functions() -> Iterable[tuple[Any, ...]]:
         ("haptic_sample", ctypes.c_int, session, address, address, _double),
         ("haptic_track", None, session, address, _size, address, _size),
         ("haptic_external_wrench", ctypes.c_int, session, ctypes.c_int32, address),
+        ("haptic_drive_joints", ctypes.c_int, session, ctypes.POINTER(Drive), _size),
         ("haptic_send", ctypes.c_int64, session, address, _size, address, _size),
         ("haptic_hold", ctypes.c_int, session, address, address),
         ("haptic_release", None, session),
