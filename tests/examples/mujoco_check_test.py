@@ -19,7 +19,7 @@ import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
 from haptic_local_model import _mujoco_bodies as bodies, _mujoco_check as table  # noqa: E402
 from haptic_local_model._mujoco_changes import Changes  # noqa: E402
-from haptic_local_model._mujoco_shapes import Shapes  # noqa: E402
+from haptic_local_model._mujoco_shapes import Parts, Shapes  # noqa: E402
 
 VERSION = tuple(map(int, mujoco.__version__.split(".")[:2]))
 PREFIXES = tuple("geom_ pair_ exclude_ body_ jnt_ dof_ eq_ tendon_ actuator_ flex_ hfield_ mesh_".split())
@@ -219,8 +219,8 @@ class WhoMoves(unittest.TestCase):
                      '<equality><weld body1="cube" body2="lid" active="false"/></equality>'):
             model = loaded(world=arm, rest=rest)
             tool, data = model.body("tool").id, mujoco.MjData(model)
-            shapes = Shapes(mujoco, model, tool)
-            given = bodies.Bodies(mujoco, model, tool, Changes(model)).dynamics(data, shapes.bodies, shapes.carriers)["body"]
+            shapes = Shapes(mujoco, model, Parts({tool: 0}))
+            given = bodies.Bodies(mujoco, model, [tool], Changes(model)).dynamics(data, shapes.bodies, shapes.carriers)["body"]
             held = [name for name, why in reasons(world=arm, rest=rest).items() if why == table.HELD]
             self.assertEqual(held, [model.body(int(body)).name for body in given])
 

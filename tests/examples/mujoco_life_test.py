@@ -355,7 +355,7 @@ class Tools(unittest.TestCase):
         self.assertLess(np.ptp(above), 5e-5)  # m: it stays where MuJoCo's soft contact had it
         self.assertAlmostEqual(above[-1], 0.075, delta=0.0006)
         with alone(*session.loaded(text)) as touch:
-            link = touch._tool.link()
+            link = touch._tool.links()[0]
         self.assertAlmostEqual(link.mass, 0.3)  # kg
         np.testing.assert_allclose(link.centre, (0, 0, 0.2 / 0.3 * 0.05), atol=1e-9)
         reference = session.loaded(text.replace('<body pos="0 0 0.05">', "").replace('0.2"/></body>', '0.2" pos="0 0 0.05"/>'))[0]

@@ -35,6 +35,18 @@ ROBOT = """<mujoco><option integrator="implicitfast"/><worldbody><body pos="0 0 
   <actuator><position joint="elbow" kp="50" kv="5"/></actuator><keyframe><key name="up" qpos="-0.4"/></keyframe></mujoco>"""
 
 
+CRANE = """<mujoco><option integrator="implicitfast"/><worldbody><body name="x" pos="0 0 0.2"><joint name="x" type="slide" axis="1 0 0"/>
+  <geom size="0.01" mass="0.1"/><body name="y"><joint name="y" type="slide" axis="0 1 0"/><geom size="0.01" mass="0.1"/><body name="palm">
+  <joint name="z" type="slide" axis="0 0 1"/><geom type="box" size="0.02 0.06 0.01" mass="0.2"/>
+  <body name="left"><joint name="left" type="slide" axis="0 1 0" range="0 0.03"/><geom type="box" size="0.01 0.005 0.02" pos="0 0.005 -0.03"
+    mass="0.02"/></body>
+  <body name="right"><joint name="right" type="slide" axis="0 -1 0" range="0 0.03"/><geom type="box" size="0.01 0.005 0.02" pos="0 -0.005 -0.03"
+    mass="0.02"/></body></body></body></body></worldbody><actuator><position name="x" joint="x" kp="1000" dampratio="1"/>
+  <position name="y" joint="y" kp="1000" dampratio="1"/><position name="z" joint="z" kp="1000" dampratio="1"/>
+  <position name="left" joint="left" kp="500" ctrlrange="0 0.03" forcerange="-10 10"/>
+  <position name="right" joint="right" kp="500" ctrlrange="0 0.03" forcerange="-10 10"/></actuator></mujoco>"""
+
+
 class Session(unittest.TestCase):
     """Studio's simulation thread with its own plugins and ours; the viewer is a script."""
 
@@ -108,6 +120,22 @@ class Held(Session):
         self.assertIn("cube: active", self.felt.text)
         self.assertAlmostEqual(self.handle.data.body("cube").xpos[2], 0.1 - WEIGHT / HAND, delta=1e-3)
 
+    def test_a_double_click_on_a_jaw_puts_the_gripper_in_the_hand(self):
+        self.load(CRANE)
+        self.select("left", (0, 0, 0.2, 1, 0, 0, 0))
+        self.run_for(0.5)
+        self.assertIn("palm: active", self.felt.text)
+        self.select("palm", (0, 0, 0.18, 1, 0, 0, 0))
+        self.run_for(1.5)
+        self.assertAlmostEqual(self.handle.data.body("palm").xpos[2], 0.18, delta=1e-3)
+        jaw = self.handle.data.joint("left")
+        self.viewer.send_to_sim(studio.JawsEvent())
+        self.run_for(1)
+        self.assertLess(jaw.qpos[0], 0.001)
+        self.viewer.send_to_sim(studio.JawsEvent())
+        self.run_for(1)
+        self.assertGreater(jaw.qpos[0], 0.029)
+
     def test_another_body_changes_hands(self):
         self.press()
         self.select("brick", (0.2, 0, 0.1, 1, 0, 0, 0))
@@ -120,7 +148,7 @@ class Held(Session):
         self.load(SCENE)
         self.select("arm")
         self.run_for(0.2)
-        self.assertEqual(self.felt.text, "arm has no free joint")
+        self.assertEqual(self.felt.text, "arm has no free joint, and is no gripper's")
         self.select("cube")
         self.run_for(0.5)
         self.assertIn("cube: active", self.felt.text)

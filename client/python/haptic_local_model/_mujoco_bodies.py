@@ -46,8 +46,9 @@ class Reason(NamedTuple):
 class Bodies:
     """Of one model. A body has its own number; what is welded to it counts as a part."""
 
-    def __init__(self, binding: Any, model: Any, tool: int, changes: Changes):
-        self._binding, self._model, self._tool, self._changes = binding, model, tool, changes
+    def __init__(self, binding: Any, model: Any, tool: Collection[int], changes: Changes):
+        """tool: the bodies of it, and of what carries it."""
+        self._binding, self._model, self.tool, self._changes = binding, model, tool, changes
         self._kept: set[int] = set()
         self._left: dict[int, np.ndarray] = {}  # of those that are kept: qpos as a frame left it
         self._put: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # where they were put in this frame, and how they move
@@ -70,7 +71,7 @@ class Bodies:
     def leave(self, data: Any, length: float) -> list[int]:
         """A frame of so many seconds has ended. Returns the kept bodies that somebody has put elsewhere within it, by more than steps
         of MuJoCo would."""
-        moved = [body for body, (q, v) in self._put.items() if body in self._kept and body != self._tool
+        moved = [body for body, (q, v) in self._put.items() if body in self._kept and body not in self.tool
                  and np.abs(data.qpos[self._places(body)[0]][:3] - q[:3] - length * v[:3]).max() > _PUT_ELSEWHERE]
         self._put = {}
         self._left = {body: np.array(data.qpos[self._places(body)[0]]) for body in self._kept}
@@ -117,7 +118,7 @@ class Bodies:
         model = self._model
         welded = np.asarray(model.body_weldid)
         roots = [int(body) for body in np.flatnonzero((welded == np.arange(model.nbody)) & (np.asarray(model.body_dofnum) > 0))
-                 if body != self._tool]
+                 if body not in self.tool]
         moved = self._moved_by_others(data, roots)
         trees: dict[int, list[int]] = {}
         for root in roots:
@@ -160,7 +161,7 @@ class Bodies:
         if model.jnt_type[joint] == _HINGE and counts:
             return COUNTS_TURNS  # How often it has turned decides.
         root = carriers[model.body_parentid[body]]
-        if root == self._tool:
+        if root in self.tool:
             return HANGS_ON_TOOL
         return None if root == 0 or model.body_dofnum[root] > 0 else HANGS_ON_MOCAP
 
@@ -230,9 +231,11 @@ class Bodies:
         return named
 
     def inertia(self, root: int) -> tuple[float, np.ndarray, np.ndarray]:
-        """Of a body with what is welded to it: mass, its centre, and inertia about that, in the body's frame."""
-        model, parts = self._model, np.flatnonzero(np.asarray(self._model.body_weldid) == root)
-        masses, frames = np.asarray(model.body_mass)[parts], [self._from_root(int(part))[1] for part in parts]
+        """Of a body with what is welded to it: mass, its centre, and inertia about that, in the body's frame. Of one that is welded
+        itself: with what is welded to it farther out."""
+        model, parts = self._model, self._parts(root)
+        masses, own = np.asarray(model.body_mass)[parts], np.linalg.inv(self._from_root(root)[1])
+        frames = [own @ self._from_root(int(part))[1] for part in parts]
         centres = np.array([X[:3, 3] + X[:3, :3] @ model.body_ipos[part] for part, X in zip(parts, frames)])
         mass = float(masses.sum())
         centre, about = masses @ centres / max(mass, _LEAST_MASS), np.zeros((3, 3))
@@ -241,13 +244,20 @@ class Bodies:
             about += (turn * model.body_inertia[part]) @ turn.T + part_mass * (place @ place * np.eye(3) - np.outer(place, place))
         return mass, centre, about
 
+    def _parts(self, root: int) -> np.ndarray:
+        model, fixed = self._model, np.zeros(self._model.nbody, bool)
+        fixed[root] = True
+        for body in range(root + 1, model.nbody):
+            fixed[body] = fixed[model.body_parentid[body]] and model.body_dofnum[body] == 0 and model.body_mocapid[body] < 0
+        return np.flatnonzero(fixed)
+
     def gravity(self) -> np.ndarray:
         """m/s², as the flags have it."""
         return np.array(self._model.opt.gravity) * self._is_on("GRAVITY")
 
     def gravity_on(self, root: int) -> np.ndarray:
         """m/s², of a body with what is welded to it, as far as nothing compensates it."""
-        model, parts = self._model, np.flatnonzero(np.asarray(self._model.body_weldid) == root)
+        model, parts = self._model, self._parts(root)
         masses = np.asarray(model.body_mass)[parts]
         return (masses * (1 - np.asarray(model.body_gravcomp)[parts])).sum() / max(masses.sum(), _LEAST_MASS) * self.gravity()
 

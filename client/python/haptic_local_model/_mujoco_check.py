@@ -147,8 +147,8 @@ def check(model: Any, tool: Optional[str] = None, binding: Any = None) -> list[F
 
 def findings(binding: Any, model: Any, tool: int, changes: Changes) -> list[Finding]:
     """tool: its body, -1: none is chosen yet. changes: of a session that runs."""
-    of_body, bodies = carriers(model), Bodies(binding, model, tool, changes)
-    pairs = Pairs(binding, model, of_body[model.geom_bodyid], tool, version_of(binding))
+    of_body, bodies = carriers(model), Bodies(binding, model, [tool], changes)
+    pairs = Pairs(binding, model, of_body[model.geom_bodyid], [tool], version_of(binding))
     try:
         offered, problem = _offered(model, pairs, of_body, tool), []
     except haptic.HapticError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Collection, NamedTuple
 
 import numpy as np
 
@@ -26,11 +26,11 @@ class Shaped(NamedTuple):
 
 
 class Pairs:
-    """Of one model, as it is now. carrier: of each geom what moves it; 0: nothing."""
+    """Of one model, as it is now. carrier: of each geom what moves it; 0: nothing. tool: the bodies of its links."""
 
-    def __init__(self, binding: Any, model: Any, carrier: np.ndarray, tool: int, version: tuple[int, ...]):
+    def __init__(self, binding: Any, model: Any, carrier: np.ndarray, tool: Collection[int], version: tuple[int, ...]):
         self._binding, self._model, self._version = binding, model, version
-        self._rank = np.where(carrier == tool, _TOOL, carrier != 0)
+        self._rank = np.where(np.isin(carrier, [*tool]), _TOOL, carrier != 0)
         touches = not (self.is_disabled("CONTACT") or self.is_disabled("CONSTRAINT"))
         groups, masks = (np.asarray(each).astype(np.int64) & _ALL_BITS for each in (model.geom_contype, model.geom_conaffinity))
         used = int(np.bitwise_or.reduce(groups, initial=0) & np.bitwise_or.reduce(masks, initial=0)) * touches

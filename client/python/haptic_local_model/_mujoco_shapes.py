@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterable, Optional
+from typing import Any, Iterable, NamedTuple, Optional
 
 import numpy as np
 
@@ -16,17 +16,29 @@ _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:
            3: ("capsule", lambda size: (size[0], 2 * size[1])), 4: ("ellipsoid", lambda size: size),
            5: ("cylinder", lambda size: (size[0], 2 * size[1])), 6: ("box", lambda size: 2 * size),
            7: ("hull", lambda size: ())}
+_MOST_VERTICES = 4096  # of a hull, as a server takes them
 _TAKING = 0.2  # s: that a server needs for usual shapes
 _FASTEST = 10  # m/s: a body that was moved farther in a frame was put there
+
+
+class Parts(NamedTuple):
+    """What the hand has of a model."""
+    links: dict[int, int]  #: Of each body that carries a link of the tool, its number; the first one is the root.
+    ghosts: frozenset[int] = frozenset()  #: Bodies that carry the tool: they touch nothing.
+    apart: frozenset[tuple[int, int]] = frozenset()  #: Geoms of links that never touch each other, the smaller number first.
+
+    def own(self, model: Any) -> np.ndarray:
+        """Of each body whether it carries a link, also where it is fixed to what carries it."""
+        return np.isin(np.arange(model.nbody), [*self.links])
 
 
 class Shapes:
     """The model's geoms, as they are now. The index of a body is its own, or that of what it is welded to."""
 
-    def __init__(self, binding: Any, model: Any, tool: int, before: Optional["Shapes"] = None):
+    def __init__(self, binding: Any, model: Any, tool: Parts, before: Optional["Shapes"] = None):
         """before: the shapes of this model that were offered last. What stood still and has been moved since goes on as a mocap
         body does, from where it was: at its new place it would be in the tool, and not push it."""
-        self._model, self._tool = model, tool
+        self._model, self._links = model, tool.links
         self._places_in_parents = np.hstack([model.body_pos, model.body_quat])
         self._waiting: list[int] = []  # bodies that are told to be where they were until the server should have the shapes,
         self._waits_until = 0.0  # s
@@ -37,24 +49,29 @@ class Shapes:
             self._go_on_from(before)
         self._poses_offered: list[tuple[np.ndarray, np.ndarray]] = []  # by body
         #: Of each body what it moves with, as carriers().
-        self.carriers = carriers(model, self.was_moved)
+        self.carriers = carriers(model, self.was_moved | tool.own(model))
         of_geom = self.carriers[model.geom_bodyid]
-        pairs = Pairs(binding, model, of_geom, tool, version_of(binding))
-        has_shape = have_shapes(model)
-        if not has_shape[of_geom == tool].any():
+        of_tool = np.isin(of_geom, [*tool.links])
+        pairs = Pairs(binding, model, of_geom, tool.links, version_of(binding))
+        has_shape = have_shapes(model) & ~np.isin(of_geom, [*tool.ghosts])
+        if not has_shape[of_tool].any():
             raise haptic.HapticError("no geom of the tool can be given as a shape: they must be meshes or basic shapes")
         #: Of each geom whether MuJoCo finds its contacts: what has no shape here.
-        self.by_engine = pairs.touches & ~has_shape
+        self.by_engine = pairs.touches & ~have_shapes(model)
         #: Whether the tool can touch anything at present.
-        self.tool_touches = bool(pairs.touches[of_geom == tool].any())
-        self._shaped = pairs.shaped(has_shape)
+        self.tool_touches = bool(pairs.touches[of_tool].any())
+        shaped = pairs.shaped(has_shape)
+        self._shaped = shaped._replace(apart=sorted({*shaped.apart, *_places_apart(shaped.geoms, tool.apart)}))
         self._geoms, self._carrier = self._shaped.geoms, of_geom[self._shaped.geoms]
         self._shapes = [self._shape(*each) for each in zip(self._geoms.tolist(), self._carrier.tolist(),
                                                            self._shaped.groups.tolist(), self._shaped.masks.tolist())]
-        self._gaps = Gaps(np.array(model.geom_rbound)[self._geoms], self._carrier, tool)
+        root = next(iter(tool.links))
+        self._gaps = Gaps(np.array(model.geom_rbound)[self._geoms],
+                          np.where(np.isin(self._carrier, [*tool.links]), root, self._carrier), root)
 
     def _go_on_from(self, before: "Shapes") -> None:
         is_moved = (self._places_in_parents != before._places_in_parents).any(axis=1) & (before.carriers == 0)
+        is_moved &= ~np.isin(before.carriers, [*self._links])
         self.was_moved, self._pose_before = before.was_moved | is_moved, before._pose_before
         self._pose_before.update((int(body), before._poses_offered[body]) for body in np.flatnonzero(is_moved))
         self._waiting = np.flatnonzero(is_moved).tolist()
@@ -111,16 +128,38 @@ class Shapes:
 
     def _shape(self, geom: int, carrier: int, group: int, mask: int) -> haptic.shapes.Shape:
         name, sizes = _SHAPES[int(self._model.geom_type[geom])]
-        side = haptic.TOOL_LINK if carrier == self._tool else haptic.WORLD if carrier == 0 else haptic.MOVABLE_BODY
+        side = haptic.TOOL_LINK if carrier in self._links else haptic.WORLD if carrier == 0 else haptic.MOVABLE_BODY
         size = sizes(np.asarray(self._model.geom_size[geom]))
-        return haptic.shapes.shape(name, size, side, 0 if carrier == self._tool else carrier, group, mask,
+        return haptic.shapes.shape(name, size, side, self._links.get(carrier, carrier), group, mask,
                                    self._vertices(geom) if name == "hull" else None)
 
     def _vertices(self, geom: int) -> np.ndarray:
         model = self._model
         mesh = int(model.geom_dataid[geom])
         first = int(model.mesh_vertadr[mesh])
-        return np.asarray(model.mesh_vert)[first:first + int(model.mesh_vertnum[mesh])]
+        vertices = np.asarray(model.mesh_vert)[first:first + int(model.mesh_vertnum[mesh])]
+        graph = int(model.mesh_graphadr[mesh])
+        if graph < 0:
+            return _thinned(vertices)
+        # Of the hull that MuJoCo found: its number of vertices, of faces, an address of each vertex, and its place in the mesh.
+        count = int(model.mesh_graph[graph])
+        return _thinned(vertices[np.asarray(model.mesh_graph)[graph + 2 + count:graph + 2 + 2 * count]])
+
+
+def _thinned(vertices: np.ndarray) -> np.ndarray:
+    """As many as a hull may have: of those that are closer together than its size by so much, one."""
+    grid = 1e-4 * float(np.ptp(vertices, axis=0).max(initial=0))
+    while len(vertices) > _MOST_VERTICES:
+        _, kept = np.unique(np.round(vertices / grid), axis=0, return_index=True)
+        vertices, grid = vertices[kept], 2 * grid
+    return vertices
+
+
+def _places_apart(geoms: np.ndarray, apart: Iterable[tuple[int, int]]) -> Iterable[tuple[int, int]]:
+    for one, other in apart:
+        for i in np.flatnonzero(geoms == one).tolist():
+            for j in np.flatnonzero(geoms == other).tolist():
+                yield max(i, j), min(i, j)
 
 
 def have_shapes(model: Any) -> np.ndarray:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 import haptic_local_model as haptic
 from haptic_local_model import _arguments
 from haptic_local_model._mujoco_bodies import Bodies
-from haptic_local_model._mujoco_shapes import carriers
+from haptic_local_model._mujoco_shapes import Parts, carriers
 from haptic_local_model._world import rotation
 
 _FREE = 0  # mjJNT_FREE
@@ -19,16 +19,22 @@ _BODY = 1  # mjOBJ_BODY
 _NO_CONTACT = np.isin(np.arange(32), (0, 2, 4))  # of mjtConstraint: mjCNSTR_EQUALITY, mjCNSTR_FRICTION_TENDON, mjCNSTR_LIMIT_TENDON
 
 
+def find_body(binding: Any, model: Any, name: Any, what: str) -> int:
+    """The number of the body of that name or number. what: it is to be."""
+    if isinstance(name, (int, np.integer)) and 0 < name < model.nbody:
+        return int(name)
+    if not isinstance(name, str):
+        raise haptic.HapticError(f"{what} {_arguments.brief(name)} must be the name of a body, or a number from 1 to {model.nbody - 1}")
+    body = int(binding.mj_name2id(model, _BODY, name))
+    if body < 0:
+        raise haptic.HapticError(f"the model has no body {name!r}")
+    return body
+
+
 def find_tool(binding: Any, model: Any, name: Any) -> int:
     """The number of the body of that name or number. Raises haptic.HapticError where it cannot be the tool."""
-    if isinstance(name, (int, np.integer)) and 0 < name < model.nbody:
-        tool, name = int(name), binding.mj_id2name(model, _BODY, int(name)) or int(name)
-    elif isinstance(name, str):
-        tool = int(binding.mj_name2id(model, _BODY, name))
-        if tool < 0:
-            raise haptic.HapticError(f"the model has no body {name!r}")
-    else:
-        raise haptic.HapticError(f"tool {_arguments.brief(name)} must be the name of a body, or a number from 1 to {model.nbody - 1}")
+    tool = find_body(binding, model, name, "tool")
+    name = binding.mj_id2name(model, _BODY, tool) or tool
     joints = int(model.body_jntnum[tool])
     if joints != 1 or model.jnt_type[model.body_jntadr[tool]] != _FREE:
         raise haptic.HapticError(f"body {name!r} must have a free joint, as the tool moves freely in the hand: write <freejoint/> "
@@ -37,7 +43,9 @@ def find_tool(binding: Any, model: Any, name: Any) -> int:
 
 
 class Tool:
-    """Its number, and where it is in qpos, in qvel and among geoms."""
+    """Its number, and where it is in qpos, in qvel and among geoms. A gripper has the same members."""
+
+    is_ghost = False  #: Whether it never pushes anything in MuJoCo itself.
 
     def __init__(self, binding: Any, model: Any, body: int, bodies: Bodies):
         self._binding, self._model, self._bodies, self.body = binding, model, bodies, body
@@ -45,6 +53,7 @@ class Tool:
         self.q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
         self.v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
         of_body = carriers(model)
+        self.parts, self.kept = Parts({body: 0}), [body]
         self._parts = np.flatnonzero(of_body == body)
         self.geoms = np.flatnonzero(of_body[model.geom_bodyid] == body)
         self.size = 2 * float(np.abs(model.geom_size[self.geoms]).max(initial=0.01))  #: m
@@ -62,7 +71,29 @@ class Tool:
         if len(self.geoms) == 0:
             warnings.warn("the tool has no geoms: nothing but its weight is felt", stacklevel=4)
 
-    def link(self) -> haptic.Link:
+    def links(self) -> list[haptic.Link]:
+        return [self._link()]
+
+    def curves(self) -> list[haptic.Curve]:
+        return []
+
+    def drives(self) -> list[haptic.Drive]:
+        return []
+
+    def configuration(self, data: Any) -> np.ndarray:
+        return np.array(data.qpos[self.q])
+
+    def sample(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Where it is after a frame, and its velocity, as the server has them."""
+        q, v = np.array(data.qpos[self.q]), np.array(data.qvel[self.v])
+        v[3:] = rotation(q[3:]) @ v[3:]
+        return q, v
+
+    def place(self, data: Any, q: np.ndarray, v: np.ndarray) -> None:
+        """Before a frame, where the proxy is."""
+        self._bodies.place(data, self.body, q, v)
+
+    def _link(self) -> haptic.Link:
         mass, centre, inertia = self._bodies.inertia(self.body)
         link = haptic.box(mass=mass, size=(0, 0, 0))
         link.centre[:], link.inertia[:] = centre, inertia.ravel()

@@ -35,7 +35,7 @@ from __future__ import annotations
 import importlib
 import sys
 import warnings
-from typing import Any, Callable, Optional
+from typing import Any, Callable, Optional, Sequence
 
 import numpy as np
 
@@ -45,10 +45,11 @@ from haptic_local_model._mujoco_bodies import Bodies
 from haptic_local_model._mujoco_changes import Changes, Pushes
 from haptic_local_model._mujoco_check import Finding, check
 from haptic_local_model._mujoco_listing import Listing
-from haptic_local_model._mujoco_shapes import Shapes, moving_bodies, version_of
+from haptic_local_model._mujoco_shapes import Parts, Shapes, moving_bodies, version_of
 from haptic_local_model._mujoco_tool import Tool, find_tool
+from haptic_local_model._mujoco_gripper import Gripper
 from haptic_local_model._mujoco_watch import Watch
-from haptic_local_model._world import EngineSession, Frames, NearBodies, rotation
+from haptic_local_model._world import EngineSession, Frames, NearBodies
 
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
 _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther away
@@ -73,28 +74,29 @@ class Session(EngineSession):
     adhesion. A mocap body is a wall, with those contacts one without a velocity.
     """
 
-    def __init__(self, model: Any, data: Any, tool: str | int, *, epsilon: float = 0.005,
+    def __init__(self, model: Any, data: Any, tool: Optional[str | int] = None, *, gripper: Optional[str | int] = None,
+                 jaws: Sequence[str | int] = (), epsilon: float = 0.005,
                  period: float = 1 / 60, contacts: Optional[str] = None,
                  binding: Any = None, **options: Any):
         binding = _binding(binding)
+        _require_data_of(model, data)
         if contacts not in (None, "engine", "shapes"):
             raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
-        for rows, count in (("qpos", "nq"), ("qvel", "nv"), ("xpos", "nbody"), ("geom_xpos", "ngeom")):
-            found, due = len(getattr(data, rows, ())), getattr(model, count)
-            if found != due:
-                raise haptic.HapticError(f"data must be of this model: it has {found} rows in {rows}, not the model's {count}, {due}")
         epsilon = _arguments.number(epsilon, "epsilon", 0, 1, "m")
         period = _arguments.number(period, "period", 1e-5, 100, "s")
         self._binding, self._model, self._version = binding, model, version_of(binding)
-        number = find_tool(binding, model, tool)
+        if (tool is None) == (gripper is None):
+            raise haptic.HapticError("a session must have either a tool or a gripper")
         self._begin = 0.0  # s: MuJoCo's time when the present frame began, and
         self._ended = -np.inf  # when the one before ended.
         self._was_reset = False  # in between
         self._taken: set[int] = set()  # bodies that the hand held, and the user has put elsewhere
-        self._warned = False
+        self._warned, self._follow_error = False, 0.0
         self._epsilon, self._changes, self._pushes, self._near_bodies = epsilon, Changes(model), Pushes(), NearBodies()
-        self._placed = Bodies(binding, model, number, self._changes)
-        self._tool = Tool(binding, model, number, self._placed)
+        self._placed = Bodies(binding, model, (), self._changes)
+        self._tool: Tool | Gripper = (Tool(binding, model, find_tool(binding, model, tool), self._placed) if gripper is None else
+                                      Gripper(binding, model, data, gripper, jaws, self._placed, period))
+        self._placed.tool = {*self._tool.parts.links, *self._tool.parts.ghosts}
         self._tool.warn()
         self._listing = Listing(model, self._changes, self._version, epsilon, self._tool.geoms)
         self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes")
@@ -106,7 +108,7 @@ class Session(EngineSession):
         self._hanging = np.column_stack([np.flatnonzero(moves & moves[parents]), parents[moves & moves[parents]]])
         self._round = self._round_geoms()
         defaults = {"length": self._tool.size, "gravity": self._tool.gravity(), "rate": 1 / period}
-        self.touch = haptic.Session(tool=self._tool.link(), q=data.qpos[self._tool.q], epsilon=epsilon, **{**defaults, **options})
+        self.touch = haptic.Session(tool=self._tool.links(), curves=self._tool.curves(), q=self._tool.configuration(data), epsilon=epsilon, **{**defaults, **options})
         try:
             self._begin_with(data, period, options.get("gravity"))
         except BaseException:
@@ -116,7 +118,8 @@ class Session(EngineSession):
     def _begin_with(self, data: Any, period: float, gravity: Any) -> None:
         model = self._model
         self._tool.is_told(gravity)
-        self._placed.keep(self._tool.body)
+        for body in self._tool.kept:
+            self._placed.keep(body)
         self._listing.list_early(np.ones(model.ngeom, bool) if self._shapes is None else self._shapes.by_engine)
         self._binding.mj_forward(model, data)
         self._frames = Frames(self.touch, period, self._tool.arm(data), has_shapes=self._shapes is not None)
@@ -132,6 +135,39 @@ class Session(EngineSession):
             self._binding.mj_setConst(self._model, self._binding.MjData(self._model))
             self._changes.was_computed_from = False
 
+    @property
+    def has_gripper(self) -> bool:
+        """Whether the tool is one."""
+        return isinstance(self._tool, Gripper)
+
+    @property
+    def opening(self) -> float:
+        """Of a gripper: 0 closed to 1 open."""
+        return self._gripper().opening
+
+    def move_jaws(self, opening: Optional[float]) -> None:
+        """Of a gripper: sends its servo there, 0 closed to 1 open, from the next send() on. None, as from the beginning: the device's
+        gripper leads, or where it has none its first button, which closes and opens."""
+        gripper = self._gripper()
+        gripper.target = None if opening is None else _arguments.number(opening, "opening", 0, 1)
+
+    @property
+    def grip(self) -> float:
+        """Of a gripper: the force of contacts that opens the jaws, N along the way of the jaw that goes farthest; of all jaws."""
+        self._gripper()
+        return float(self.touch.state.grip)
+
+    @property
+    def follow_error(self) -> float:
+        """Of a gripper: how far MuJoCo's palm was from the hand's at the latest send(), m."""
+        self._gripper()
+        return self._follow_error
+
+    def _gripper(self) -> Gripper:
+        if not isinstance(self._tool, Gripper):
+            raise haptic.HapticError("the session's tool must be a gripper")
+        return self._tool
+
     def check(self) -> list[Finding]:
         """What of the model is approximated or ignored, and which bodies the server can hold; as check()."""
         return _mujoco_check.findings(self._binding, self._model, self._tool.body, self._changes)
@@ -141,8 +177,8 @@ class Session(EngineSession):
         steps. Returns how many steps to take."""
         self._pushes.take_back()  # of a frame that was not sent
         steps = self._frames.begin(self._model.opt.timestep)
-        self._listing.set_force(self.touch.tool_pushes)
-        self._placed.place(data, self._tool.body, self.touch.q, self.touch.v)
+        self._listing.set_force(self.touch.tool_pushes and not self._tool.is_ghost)
+        self._tool.place(data, self.touch.q, self.touch.v)
         self._place_held(data)
         self._begin, frame = data.time, self._frames.length
         if steps > 0:
@@ -166,12 +202,15 @@ class Session(EngineSession):
             self._listing.list_early(~self._listing.early)
         self._binding.mj_forward(self._model, data)
         self._follow_changes(data)
-        q, v = data.qpos[self._tool.q], np.array(data.qvel[self._tool.v])
-        v[3:] = rotation(q[3:]) @ v[3:]
+        if isinstance(self._tool, Gripper):
+            self._tool.press(self.touch.state.buttons)
+            self._follow_error = self._tool.follow_error(data)
+        q, v = self._tool.sample(data)
         self.touch.sample(q, v, self._frames.length)
         self.touch.external_wrench(self._tool.external_wrench(data))
+        self.touch.drive_joints(self._tool.drives())
         if by_shapes and self._shapes is not None:
-            self._send_poses(data, v, self._shapes)
+            self._send_poses(data, v[:6], self._shapes)
         else:
             self._send_contacts(data)
 
@@ -191,7 +230,7 @@ class Session(EngineSession):
         if self._shapes is None or not self._watch.is_due(self.touch.now):
             return
         begin = self.touch.now
-        self._shapes = Shapes(self._binding, self._model, self._tool.body, self._shapes)
+        self._shapes = Shapes(self._binding, self._model, self._tool.parts, self._shapes)
         self._listing.list_early(self._shapes.by_engine)
         self._offer(data)
         self._watch.offered(data, self._shapes.was_moved, begin, self.touch.now)
@@ -214,7 +253,7 @@ class Session(EngineSession):
 
     def _usable_shapes(self, needs_them: bool) -> Optional[Shapes]:
         try:
-            shapes = from_mujoco(self._model, self._tool.body, self._binding)
+            shapes = Shapes(self._binding, self._model, self._tool.parts)
         except haptic.HapticError as error:
             if needs_them:
                 raise
@@ -405,7 +444,14 @@ class Session(EngineSession):
 def from_mujoco(model: Any, tool: int, binding: Any = None) -> Shapes:
     """tool: number of the body that the hand holds. binding: as of Session. Raises haptic.HapticError at a geom that cannot
     be used."""
-    return Shapes(_binding(binding), model, tool)
+    return Shapes(_binding(binding), model, Parts({tool: 0}))
+
+
+def _require_data_of(model: Any, data: Any) -> None:
+    for rows, count in (("qpos", "nq"), ("qvel", "nv"), ("xpos", "nbody"), ("geom_xpos", "ngeom")):
+        found, due = len(getattr(data, rows, ())), getattr(model, count)
+        if found != due:
+            raise haptic.HapticError(f"data must be of this model: it has {found} rows in {rows}, not the model's {count}, {due}")
 
 
 def _binding(given: Any) -> Any:

@@ -3,9 +3,10 @@
     python3 -m haptic_local_model.studio --model=scene.xml             # a window; --gfx=web: the browser
     python3 -m mujoco.studio.viewer --model=scene.xml --plugins=FILE   # FILE: what the line above prints with --file
 
-A double click on a body with a free joint puts it in the hand; another one changes hands. The hand is a device, where a
-haptic_server runs, or the mouse: Ctrl and the right button move the body, Ctrl and the left one turn it. A model that has no such
-body gets a small ball, which is in the hand from the start. An arrow is the force.
+A double click on a body with a free joint puts it in the hand, one on a robot's gripper puts that there, and the arm follows; another
+one changes hands. A button closes and opens the jaws. The hand is a device, where a
+haptic_server runs, or the mouse: Ctrl and the right button move the body, Ctrl and the left one turn it. A model without either
+gets a small ball, which is in the hand from the start. An arrow is the force.
 
 While the world is paused, scrubbed, slower than real time or no longer looked at in the browser, there is no hand: the force
 fades within 0.1 s, the model is as it was, and later it begins anew from where the body is then, slowly. So it is after a reset.
@@ -30,6 +31,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 import haptic_local_model as haptic
 from haptic_local_model._mujoco_shapes import carriers
+from haptic_local_model._mujoco_gripper import palm_of
 from haptic_local_model.mujoco import Session
 
 if __name__.startswith("studio_plugins."):  # Studio has put this folder, with a newton.py and a drake.py, where all look.
@@ -67,11 +69,16 @@ class LetGoEvent(messages.Event):
     """Nothing shall be in the hand until another body is selected."""
 
 
+class JawsEvent(messages.Event):
+    """The jaws shall close, or open again."""
+
+
 class Hand(plugin.SimPlugin):
     """Steps the world at the hand's pace while there is a hand, in place of Studio's StepControl."""
 
     _touch: Optional[Session] = None
-    _body = 0  # That is to be in the hand; 0: none.
+    _body = 0  # That is to be in the hand, of a gripper the palm; 0: none.
+    _closes = False  # Its jaws
     _held_name = _path = ""
     _selected = 0  # By the last double click.
     _wanted = WantedSnapshot()
@@ -126,17 +133,22 @@ class Hand(plugin.SimPlugin):
         if wanted.body == 0:
             return
         body = int(carriers(model)[wanted.body])
-        if body == self._body:
+        body = body if is_free(model, body) and palm_of(mujoco, model, wanted.body) == 0 else palm_of(mujoco, model, wanted.body)
+        if body > 0 and body == self._body:
             return
         self._end()
-        self._problem = "" if is_free(model, body) else f"{_name(model, wanted.body)} has no free joint"
-        self._hold(model, 0 if self._problem else body)
+        self._problem = "" if body > 0 else f"{_name(model, wanted.body)} has no free joint, and is no gripper's"
+        self._hold(model, body)
 
     @messages.handler
     def on_let_go(self, event: LetGoEvent) -> None:
         self._end()
         self._hold(self.handle.model, 0)
         self._problem = ""
+
+    @messages.handler
+    def on_jaws(self, event: JawsEvent) -> None:
+        self._closes = not self._closes
 
     @messages.handler
     def on_exit(self, event: messages.ExitEvent) -> None:
@@ -160,7 +172,9 @@ class Hand(plugin.SimPlugin):
 
     def _frame(self, model: Any, data: Any) -> None:
         if self._touch is None:
-            self._touch = Session(model, data, tool=self._body, period=PERIOD, binding=mujoco)
+            has_jaws = palm_of(mujoco, model, self._body) > 0
+            tool, gripper = (None, self._body) if has_jaws else (self._body, None)
+            self._touch = Session(model, data, tool=tool, gripper=gripper, period=PERIOD, binding=mujoco)
             self._next = time.monotonic()
         data.xfrc_applied[carriers(model) == self._body] = 0  # The mouse's own spring.
         if self._wanted.pose:
@@ -169,11 +183,14 @@ class Hand(plugin.SimPlugin):
             self._touch.release()
         for _ in range(self._touch.drive(data)):
             mujoco.mj_step(model, data)
+        if self._touch.has_gripper and (self._closes or self._touch.opening < 0.5):
+            self._touch.move_jaws(0 if self._closes else 1)
         self._touch.send(data)
         self._next = max(self._next + PERIOD, time.monotonic())
         time.sleep(max(0, self._next - time.monotonic()))
 
     def _hold(self, model: Any, body: int) -> None:
+        self._closes = False
         self._body, self._held_name = body, _name(model, body) if body > 0 else ""
 
     def _end(self) -> None:
@@ -211,9 +228,15 @@ class HandPanel(plugin.ViewerPlugin):
     @messages.handler
     def on_felt(self, felt: FeltSnapshot) -> None:
         """What is in the hand without a click is selected, so that the mouse moves it; what is let go of is not."""
-        if felt.body != self._felt.body and 0 in (felt.body, self.viewer.perturb.select):
+        selected = self.viewer.perturb.select
+        if felt.body != self._felt.body and (0 in (felt.body, selected) or not self._is_part(selected, felt.body)):
             self.viewer.perturb.select = felt.body
         self._felt = felt
+
+    def _is_part(self, body: int, held: int) -> bool:
+        """Whether it moves as a whole with what is held. The mouse moves a gripper by its palm."""
+        model = self.viewer.model
+        return model is not None and bool(carriers(model)[body] == carriers(model)[held])
 
     @messages.handler
     def on_post_model(self, event: messages.PostModelEvent) -> None:
@@ -227,7 +250,7 @@ class HandPanel(plugin.ViewerPlugin):
             return
         pose: tuple[float, ...] = ()
         if perturb.select > 0 and perturb.active:
-            pose = body_pose(model, perturb.select, perturb.refpos, perturb.refquat)
+            pose = body_pose(model, perturb.select, perturb.refpos, perturb.refquat, self._felt.body)
         self.viewer.send_to_sim(WantedSnapshot(perturb.select, pose, self._browsers is None or self._browsers.count > 0))
         self._draw(self.viewer.extra_geoms, _ARROW * model.stat.extent)
 
@@ -237,6 +260,9 @@ class HandPanel(plugin.ViewerPlugin):
         if imgui.Begin("Haptics"):
             imgui.TextUnformatted(self._felt.text)
             imgui.TextUnformatted(f"{np.linalg.norm(self._felt.force):.2f} N")
+            if imgui.Button("Jaws"):
+                self.viewer.send_to_sim(JawsEvent())
+            imgui.SameLine()
             if imgui.Button("Let go"):
                 self.viewer.perturb.select = 0
                 self.viewer.send_to_sim(LetGoEvent())
@@ -283,15 +309,15 @@ def is_free(model: Any, body: int) -> bool:
     return bool(model.body_jntnum[body] == 1 and model.jnt_type[model.body_jntadr[body]] == _FREE)
 
 
-def body_pose(model: Any, body: int, position: Any, rotation: Any) -> tuple[float, ...]:
+def body_pose(model: Any, body: int, position: Any, rotation: Any, palm: int = 0) -> tuple[float, ...]:
     """Of the hand that holds what this body is a part of: position, and w, x, y, z. position, rotation: of the body's inertial frame,
-    as Studio's mouse has it."""
+    as Studio's mouse has it. palm: of the gripper that is held, or 0."""
     turn, back, arm = np.zeros(4), np.zeros(4), np.zeros(3)
     mujoco.mju_negQuat(back, model.body_iquat[body])
     mujoco.mju_mulQuat(turn, np.array(rotation), back)
     mujoco.mju_rotVecQuat(arm, model.body_ipos[body], turn)
     place = np.array(position) - arm
-    while body != carriers(model)[body]:  # To what it is welded to.
+    while body not in (palm, carriers(model)[body]):  # To what it is welded to.
         mujoco.mju_negQuat(back, model.body_quat[body])
         mujoco.mju_mulQuat(turn, turn.copy(), back)
         mujoco.mju_rotVecQuat(arm, model.body_pos[body], turn)
@@ -303,7 +329,7 @@ def _with_body_to_hold(path: str) -> Any:
     """The model of a file; where it has no body that the hand can hold, with a ball above it. Raises what MjSpec does."""
     spec = mujoco.MjSpec.from_file(path)
     model = spec.compile()
-    if any(is_free(model, body) for body in range(model.nbody)):
+    if any(is_free(model, body) or palm_of(mujoco, model, body) > 0 for body in range(1, model.nbody)):
         return model
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
