@@ -104,7 +104,10 @@ void FollowedSession::take_as(std::span<const protocol::DatagramBytes> parts) {
 
 void FollowedSession::take(const protocol::Hello& hello) {
   const std::size_t links = hello.tool.links.size();
-  tool_ = {.description = hello.tool, .q = hello.q, .X_LB = std::vector<Pose>(links)};
+  tool_ = {.description = hello.tool,
+           .q = hello.q,
+           .X_LB = std::vector<Pose>(links),
+           .gripper = !hello.tool.curves.empty()};
   for (int link = 0; link < static_cast<int>(links); ++link) tool_.bodies.push_back(link);
   ToolModel model(hello.tool);
   model.set_configuration(hello.q);

@@ -32,6 +32,7 @@ struct FrameOptions {
   /// otherwise its server's own holds everywhere.
   std::array<bool, kMostTools> report_friction{true, true};
   std::optional<BodyPull> pull{};  ///< Empty: nothing is pulled.
+  double opening = 1;              ///< Of grippers whose device has none, 0 closed to 1 open.
   /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for
   /// moving constraints: what a server without movable bodies gets. For comparisons.
   bool push_by_following = false;

@@ -33,13 +33,14 @@ struct EnvironmentRange : Range {
   const char* name;
   double& (*number)(LiveSettings&);
 };
-inline constexpr std::array<EnvironmentRange, 6> kEnvironmentRanges{{
+inline constexpr std::array<EnvironmentRange, 7> kEnvironmentRanges{{
     {kEpsilons, "epsilon", [](LiveSettings& s) -> double& { return s.frame.epsilon; }},
     {{5, 200, "Hz"}, "rate", [](LiveSettings& s) -> double& { return s.rate; }},
     {{0, kLongestDelay, "s"}, "delay", [](LiveSettings& s) -> double& { return s.network.delay; }},
     {{0, kLongestJitter, "s"},
      "jitter",
      [](LiveSettings& s) -> double& { return s.network.jitter; }},
+    {{0, 1}, "opening", [](LiveSettings& s) -> double& { return s.frame.opening; }},
     {{0, 1}, "pace", [](LiveSettings& s) -> double& { return s.frame.pace; }},
     {{0, kLargestLoss}, "loss", [](LiveSettings& s) -> double& { return s.network.loss; }},
 }};

@@ -220,6 +220,7 @@ void add_state(json& frame, const PageTool& tool, const protocol::ProxyState& st
   frame["proxy"] = std::move(links);
   frame["device"] = to_json(state.X_WD);
   frame["F_env"] = to_json(state.F_env);
+  frame["grip"] = state.grip;
   frame["F_command"] = to_json(state.F_command);
   frame["F_hand"] = to_json(state.F_hand);
   frame["hand"] = protocol::hand_source(state.hand_measured, state.hand_observed);
@@ -319,6 +320,7 @@ std::string world_message(const PageWorld& world) {
               {"mismatch", mismatch_of(tool, world.welcome)},
               {"bodies", std::move(described)},
               {"tool_links", world.tool.bodies},
+              {"gripper", world.tool.gripper},
               {"starts", world.starts},
               {"start", world.start},
               {"ranges", ranges(world.environment)},

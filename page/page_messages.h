@@ -39,6 +39,7 @@ struct PageTool {
   Configuration q{};          ///< Initial configuration.
   std::vector<int> bodies{};  ///< Body of each link.
   std::vector<Pose> X_LB{};   ///< Body frame in each link's frame.
+  bool gripper = false;       ///< A servo drives joints of it.
 };
 
 /// A world and its tool, as they begin.

@@ -1,5 +1,6 @@
 #include "hlm/haptic_server/device/hand.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <numbers>
@@ -55,6 +56,10 @@ void Hand::start(const Pose& X_WD) noexcept {
   segment_begin_ = 0;
   // No reach came before the first segment: its target starts where the handle is.
   segment_ = script_.segments.size();
+  opening_from_ = opening_to_ = {};
+  const auto has_one = [](const HandSegment& segment) { return segment.opening.has_value(); };
+  const auto first = std::ranges::find_if(script_.segments, has_one);
+  if (first != script_.segments.end()) opening_to_ = first->opening;
   if (!script_.segments.empty()) enter(0, X_WD);
 }
 
@@ -74,10 +79,18 @@ void Hand::enter(std::size_t segment, const Pose& X_WD) noexcept {
       !released() && std::holds_alternative<Reach>(script_.segments[segment_].action);
   X_WFrom_ = reached ? X_WTo_ : X_WD;
   segment_ = segment;
+  opening_from_ = opening_to_;
   if (released()) return;
+  if (script_.segments[segment_].opening) opening_to_ = script_.segments[segment_].opening;
   if (const auto* reach = std::get_if<Reach>(&script_.segments[segment_].action)) {
     X_WTo_ = target(*reach, X_WStart_, X_WFrom_);
   }
+}
+
+std::optional<double> Hand::opening(double t) const noexcept {
+  if (!opening_to_ || released()) return opening_to_;
+  const double time = (t - segment_begin_) / script_.segments[segment_].duration;
+  return *opening_from_ + minimum_jerk(time).fraction * (*opening_to_ - *opening_from_);
 }
 
 Wrench Hand::wrench(double t, const Pose& X_WD, const Twist& V_WD) const noexcept {

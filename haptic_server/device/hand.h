@@ -47,6 +47,8 @@ struct Reach {
 struct HandSegment {
   double duration = 1;  ///< s, > 0.
   std::variant<Push, Reach> action;
+  /// Where its fingers bring the device's gripper, 0 closed to 1 open; empty: it stays.
+  std::optional<double> opening = {};
 };
 
 enum class AfterLastSegment {
@@ -72,6 +74,8 @@ class Hand {
   /// Wrench of the hand on the handle at X_WD with twist V_WD, world axes, about its origin, at a
   /// time t (s) not before the latest advance().
   Wrench wrench(double t, const Pose& X_WD, const Twist& V_WD) const noexcept;
+  /// Of the gripper at a time t as above; empty: the script has none.
+  std::optional<double> opening(double t) const noexcept;
 
  private:
   void enter(std::size_t segment, const Pose& X_WD) noexcept;
@@ -83,6 +87,9 @@ class Hand {
   Pose X_WStart_;             ///< Handle at time zero.
   Pose X_WFrom_;              ///< Target at the start of the present segment, if it is a reach.
   Pose X_WTo_;                ///< Target at its end.
+  /// Of the gripper at the start of the present segment, and at its end.
+  std::optional<double> opening_from_;
+  std::optional<double> opening_to_;
 };
 
 }  // namespace hlm::server

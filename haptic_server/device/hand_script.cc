@@ -15,6 +15,7 @@ namespace hlm::server {
 namespace {
 
 constexpr Range kDuration{1e-3, 3600, "s"};
+constexpr Range kOpening{0, 1};
 constexpr Range kPosition{-10, 10, "m"};
 constexpr Range kRotation{-10, 10, "rad"};
 constexpr Range kForce{-1000, 1000, "N"};
@@ -71,6 +72,9 @@ class Section {
   }
   void read(std::string_view key, Eigen::Ref<Vector3> value, const Range& range) const {
     if (const toml::node* node = find(key)) value = vector(*node, key, range);
+  }
+  void read(std::string_view key, std::optional<double>& value, const Range& range) const {
+    if (const toml::node* node = find(key)) value = number(*node, key, range);
   }
   void read(std::string_view key, std::optional<Vector3>& value, const Range& range) const {
     if (const toml::node* node = find(key)) value = vector(*node, key, range);
@@ -154,6 +158,7 @@ HandSegment read_segment(const Section& section, const Grip& file_grip) {
   HandSegment segment;
   if (!section.find("duration")) section.fail("duration is missing");
   section.read("duration", segment.duration, kDuration);
+  section.read("opening", segment.opening, kOpening);
   const bool pushes = section.find("wrench") != nullptr;
   if (pushes == (section.find("move_to") != nullptr)) {
     section.fail("must have either wrench or move_to");
@@ -191,7 +196,8 @@ HandScript read_script(const std::string& path, const toml::table& table) {
     const std::string name = "segment " + std::to_string(script.segments.size() + 1);
     if (!element.is_table()) section.fail(element, name + " must be a table");
     script.segments.push_back(read_segment(
-        {path, name, *element.as_table(), {"duration", "wrench", "move_to", "grip"}}, file_grip));
+        {path, name, *element.as_table(), {"duration", "wrench", "move_to", "grip", "opening"}},
+        file_grip));
   }
   return script;
 }

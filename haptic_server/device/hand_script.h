@@ -12,6 +12,7 @@
 //
 //   [[segment]]
 //   duration = 8.0
+//   opening = 0.2                 # of the device's gripper, 0 closed to 1 open; it stays otherwise
 //   wrench = { force = [0, 0.5, 0], force_amplitude = [1, 0, 0], frequency = 2.5 }   # N, Hz
 #pragma once
 

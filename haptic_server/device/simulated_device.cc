@@ -78,6 +78,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandScri
   assert(!find_error(options) && dt > 0);
   ratings_.delay = options.delay * dt;
   align(Pose{});
+  ratings_.gripper = hand_.opening(0).has_value();
   enable();
   disable();
 }
@@ -111,6 +112,7 @@ std::optional<DeviceState> SimulatedDevice::read() noexcept {
   DeviceState state;
   state.X_WD = X_WD_sensed_;
   state.V_WD = V_WD_sensed_;
+  state.gripper = hand_.opening(static_cast<double>(steps_) * h_);
   if (saturated_) state.health = DeviceHealth::kSaturated;
   if (!options_.switched_on) state.health = DeviceHealth::kForceOff;
   if (options_.measures_hand_wrench) {

@@ -4,7 +4,7 @@
 const EXPERT = 'expert';
 const PLACES = ['scene', 'start'];
 const WORDS = { controller: 'controllers', update_rule: 'update_rules' };
-const OF_THE_CLIENT = ['epsilon', 'rate', 'delay', 'jitter', 'loss', 'pace'];
+const OF_THE_CLIENT = ['epsilon', 'rate', 'delay', 'jitter', 'loss', 'pace', 'opening'];
 const OF_A_METHOD = ['controller', 'update_rule', 'epsilon'];
 
 export class Address {

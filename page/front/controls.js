@@ -19,6 +19,7 @@ const GROUPS = [
     ['restitution', 'Restitution e']]],
   ['environment', 'Prediction', [
     ['epsilon', 'ε of contacts that are sent', 'mm'], ['rate', 'Frame rate']]],
+  ['environment', 'Gripper', [['opening', 'Opening', '%']]],
   ['environment', 'Injected on the network', [
     ['delay', 'Delay, one way', 'ms'], ['jitter', 'Jitter', 'ms'], ['loss', 'Loss', '%']]],
   ['settings', 'Controller', [
@@ -45,7 +46,8 @@ export class Controls {
   }
 
   /** Ranges, words and methods of a `world` message; what it does not have is hidden. */
-  setWorld({ ranges = {}, controllers = [], update_rules: rules = [], methods = [] }) {
+  setWorld({ ranges: given = {}, gripper, controllers = [], update_rules: rules = [], methods = [] }) {
+    const ranges = gripper ? given : { ...given, opening: undefined };
     for (const [name, field] of this.fields) {
       if (ranges[name]) field.setRange(ranges[name]);
       field.element.hidden = !ranges[name];

@@ -53,6 +53,8 @@ export function showLegend(scene, frame) {
   if (scene.live && frame.hand === 'observed') byId('value-F_hand').textContent += ', estimated';
   if (scene.live && frame.hand === 'unknown') byId('value-F_hand').textContent = 'unknown';
   byId('value-force').textContent = scene.live ? newtons(magnitude(frame.F_env)) : '–';
+  byId('grip').hidden = !scene.world?.gripper;
+  byId('value-grip').textContent = scene.live ? newtons(Math.abs(frame.grip)) : '–';
   byId('value-on-body').textContent = scene.live ? newtons(scene.forceOnBodies) : '–';
   if (!scene.metresPerNewton || !scene.live) return;
   const pixelsPerNewton = scene.pixelsPerMetre() * scene.metresPerNewton;

@@ -277,6 +277,15 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
       shapes ? body_poses(environment.world, held.tool, options.push_by_following) : BodyPoses()};
 }
 
+/// Of the tool's joints, where their gripper's opening is that, unless its device leads it.
+JointDrives drives_of(const ToolAssembly& tool, double opening) {
+  JointDrives drives = tool.drives;
+  for (JointDrive& drive : drives) {
+    drive.target = drive.closed + opening * (drive.open - drive.closed);
+  }
+  return drives;
+}
+
 /// What pulls a body, besides its contacts.
 void add_pull(const VirtualEnvironment& environment, const BodyPull& pull, MovableBodies& bodies) {
   for (MovableBody& body : bodies) {
@@ -322,6 +331,7 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
   for (std::size_t i = 0; i < clients.size(); ++i) {
     HeldTool& held = environment.tools[i];
     clients[i]->sample(sampled_at, held.tool.q(), held.tool.v(), period);
+    clients[i]->drive(drives_of(held.assembly, options.opening));
     reports.push_back(find_contacts(environment, i, *clients[i], period, options, results[i]));
     // As the pace changes so do accelerations, as nothing in the world does.
     if (pace == 1) clients[i]->follow_accelerations(reports.back().bodies);

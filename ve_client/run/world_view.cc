@@ -28,7 +28,8 @@ PageWorld page_world(const WorldView& view) {
     world.bodies.push_back(
         page_body(bodies[static_cast<std::size_t>(i)], view.environment.world.is_tool(i)));
   }
-  world.tool = {assembly.description, assembly.q, assembly.bodies, assembly.X_LB};
+  world.tool = {assembly.description, assembly.q, assembly.bodies, assembly.X_LB,
+                !assembly.drives.empty()};
   world.scene = scene_name(view.scene.file);
   world.scenes = view.scenes;
   for (const StartDescription& start :

@@ -1,7 +1,9 @@
 #include "hlm/ve_client/scene/sdf_models.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
+#include <limits>
 #include <optional>
 #include <set>
 
@@ -71,6 +73,9 @@ class ModelReader {
       description.tool_joint = type == "planar" ? JointType::kPlanar : JointType::kFree;
     }
     if (model->HasElement("haptic:hand")) read_hand(model->GetElement("haptic:hand"), description);
+    if (model->HasElement("haptic:gripper")) {
+      description.gripper = read_gripper(model->GetElement("haptic:gripper"));
+    }
     if (!model->HasElement("haptic:start")) return;
     for (sdf::ElementPtr start = model->GetElement("haptic:start"); start;
          start = start->GetNextElement("haptic:start")) {
@@ -84,6 +89,34 @@ class ModelReader {
     }
     description.hand_link = text_of(hand, "link");
     if (hand->HasElement("pose")) description.X_SH = pose_of(hand);
+  }
+
+  GripperDescription read_gripper(const sdf::ElementPtr& element) {
+    GripperDescription gripper;
+    for (sdf::ElementPtr joint = element->HasElement("joint") ? element->GetElement("joint")
+                                                              : nullptr;
+         joint; joint = joint->GetNextElement("joint")) {
+      gripper.joints.push_back(joint->Get<std::string>());
+    }
+    if (gripper.joints.empty()) {
+      diagnostics_.refuse(place_of(element), "<haptic:gripper> must name the <joint>s of its jaws");
+    }
+    const auto number = [&](const char* name, double least) {
+      const double value = element->HasElement(name) ? element->Get<double>(name) : NAN;
+      if (!(value >= least) || !std::isfinite(value)) {
+        diagnostics_.refuse(place_of(element), "<haptic:gripper> must have a <" +
+                                                   std::string(name) + ">, a number" +
+                                                   (least == 0 ? " from 0 on" : ""));
+      }
+      return value;
+    };
+    constexpr double kAny = -std::numeric_limits<double>::max();
+    gripper.closed = number("closed", kAny);
+    gripper.open = number("open", kAny);
+    gripper.stiffness = number("stiffness", 0);
+    gripper.damping = number("damping", 0);
+    gripper.force = number("force", 0);
+    return gripper;
   }
 
   void read_start(const sdf::ElementPtr& start, std::vector<StartDescription>& starts) {

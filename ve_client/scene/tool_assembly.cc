@@ -36,6 +36,7 @@ class Assembler {
     }
     set_gravity();
     set_hand();
+    if (model_.gripper) set_gripper(*model_.gripper);
     tool_.description.length = largest_extent();
     if (const auto error = find_error(tool_.description)) fail(model_, *error);
     return std::move(tool_);
@@ -181,6 +182,28 @@ class Assembler {
     const Pose X_BH = model_.hand_link ? X_BS * model_.X_SH : Pose{};
     tool_.description.hand_link = static_cast<int>(held);
     tool_.description.X_LH = tool_.X_LB[held] * X_BH;
+  }
+
+  void set_gripper(const GripperDescription& gripper) {
+    for (const std::string& name : gripper.joints) {
+      const auto joint =
+          std::ranges::find(world_.joints, model_.name + "::" + name, &JointDescription::name);
+      const auto link = joint == world_.joints.end()
+                            ? tool_.bodies.end()
+                            : std::ranges::find(tool_.bodies, joint->child);
+      const auto index = static_cast<std::size_t>(link - tool_.bodies.begin());
+      if (link == tool_.bodies.end() || !has_axis(tool_.description.links[index].joint)) {
+        fail(model_, "<haptic:gripper> <joint> '" + name +
+                         "' must be a revolute or prismatic joint of the model");
+      }
+      tool_.drives.push_back({.link = static_cast<std::uint8_t>(index),
+                              .follows_device = true,
+                              .closed = gripper.closed,
+                              .open = gripper.open,
+                              .stiffness = gripper.stiffness,
+                              .damping = gripper.damping,
+                              .most = gripper.force});
+    }
   }
 
   /// Largest distance, m, of a corner of a collision's bounding box from the hand; without

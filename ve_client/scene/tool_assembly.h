@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "hlm/common/joint_drive.h"
 #include "hlm/common/tool_description.h"
 #include "hlm/common/tool_model.h"
 #include "hlm/ve_client/scene/world_description.h"
@@ -27,6 +28,7 @@ struct ToolAssembly {
   Configuration q;          ///< Initial configuration.
   std::vector<int> bodies;  ///< Body of each link.
   std::vector<Pose> X_LB;   ///< Body frame in each link's frame.
+  JointDrives drives;       ///< Of a gripper, at its initial opening.
   /// The plane's normal of a planar root, world; contacts are then those of a planar problem.
   std::optional<Vector3> planar_normal_W;
 };

@@ -79,6 +79,16 @@ struct StartDescription {
   Pose X_WM;
 };
 
+/// <haptic:gripper>: a servo on joints of the tool, one on each.
+struct GripperDescription {
+  std::vector<std::string> joints;  ///< Scoped, without the model's name.
+  double closed = 0;                ///< Positions of the joints, rad or m,
+  double open = 0;                  ///< in which it is open.
+  double stiffness = 0;             ///< Of each servo, N/m or N·m/rad, >= 0.
+  double damping = 0;               ///< N·s/m or N·m·s/rad, >= 0.
+  double force = 0;                 ///< Its largest, N or N·m, > 0.
+};
+
 /// A top-level model: a range of bodies (with those of its nested models) and what it says of its
 /// use as virtual tool.
 struct ModelDescription {
@@ -94,6 +104,7 @@ struct ModelDescription {
   std::optional<std::string> hand_link;
   Pose X_SH;
   std::vector<StartDescription> starts;
+  std::optional<GripperDescription> gripper;
   Place place;  ///< Place in the file.
 };
 
