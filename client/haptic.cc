@@ -135,28 +135,15 @@ JointCurve curve_of(const haptic_curve& from) {
   return curve;
 }
 
-JointDrive drive_of(const haptic_drive& from, const ToolDescription& tool) {
-  JointDrive drive{.link = link_index(from.link, "a drive"),
-                   .follows_device = from.follows_device != 0,
-                   .target = from.target,
-                   .closed = from.closed,
-                   .open = from.open,
-                   .stiffness = from.stiffness,
-                   .damping = from.damping,
-                   .most = from.most};
-  if (drive.link >= tool.links.size() || !has_one_coordinate(tool.links[drive.link].joint)) {
-    throw std::invalid_argument("link " + std::to_string(from.link) +
-                                " of a drive must have a revolute, prismatic or guided joint");
-  }
-  const Range place{-protocol::kLargestLength, protocol::kLargestLength, "m or rad"};
-  const Range size{0, protocol::kLargestDrive};
-  refuse(find_error("target of a drive", drive.target, place));
-  refuse(find_error("closed of a drive", drive.closed, place));
-  refuse(find_error("open of a drive", drive.open, place));
-  refuse(find_error("stiffness of a drive", drive.stiffness, size));
-  refuse(find_error("damping of a drive", drive.damping, size));
-  refuse(find_error("largest force of a drive", drive.most, size));
-  return drive;
+JointDrive drive_of(const haptic_drive& from) {
+  return {.link = link_index(from.link, "a drive"),
+          .follows_device = from.follows_device != 0,
+          .target = from.target,
+          .closed = from.closed,
+          .open = from.open,
+          .stiffness = from.stiffness,
+          .damping = from.damping,
+          .most = from.most};
 }
 
 ToolDescription tool_of(const haptic_options& options) {
@@ -280,6 +267,18 @@ BodyJoint joint_of(const haptic_dynamics& from) {
           .damping = from.joint_damping,
           .friction = from.friction,
           .armature = from.armature};
+}
+
+/// bodies: those that have shapes.
+void add_dynamics(std::size_t index, const haptic_dynamics& from,
+                  const std::set<std::uint32_t>& bodies, protocol::SceneOffer& offer) {
+  const BodyInertia inertia = inertia_of(from, bodies);
+  if (std::ranges::find(offer.inertias, inertia.body, &BodyInertia::body) != offer.inertias.end()) {
+    throw std::invalid_argument("dynamics " + std::to_string(index) + ": body " +
+                                std::to_string(inertia.body) + " has earlier ones, too");
+  }
+  offer.inertias.push_back(inertia);
+  if (from.joint != HAPTIC_FREE) offer.joints.push_back(joint_of(from));
 }
 
 /// There is no session, and no force.
@@ -673,17 +672,10 @@ int haptic_external_wrench(haptic_session* session, std::int32_t link, const dou
 
 int haptic_drive_joints(haptic_session* session, const haptic_drive* drives, std::size_t count) {
   return in_session(session, -1, [&] {
-    const ToolDescription& tool = session->tool.description();
     require_list(drives, count, kMaxDof, "drives");
     JointDrives wanted;
-    for (std::size_t i = 0; i < count; ++i) {
-      const JointDrive drive = drive_of(drives[i], tool);
-      if (std::ranges::find(wanted, drive.link, &JointDrive::link) != wanted.end()) {
-        throw std::invalid_argument("link " + std::to_string(drives[i].link) +
-                                    " must have one drive, not two");
-      }
-      wanted.push_back(drive);
-    }
+    for (std::size_t i = 0; i < count; ++i) wanted.push_back(drive_of(drives[i]));
+    refuse(find_error(wanted, session->tool.description()));
     session->client->drive(wanted);
     return 0;
   });
@@ -714,16 +706,7 @@ int haptic_offer(haptic_session* session, const haptic_shape* shapes, const hapt
       has_tool = has_tool || shape.side.kind == SideKind::kToolLink;
     }
     if (!has_tool) throw std::invalid_argument("a shape must be of the tool, or nothing is felt");
-    for (std::size_t i = 0; i < dynamics_count; ++i) {
-      const BodyInertia inertia = inertia_of(dynamics[i], bodies);
-      if (std::ranges::find(offer.inertias, inertia.body, &BodyInertia::body) !=
-          offer.inertias.end()) {
-        throw std::invalid_argument("dynamics " + std::to_string(i) + ": body " +
-                                    std::to_string(inertia.body) + " has earlier ones, too");
-      }
-      offer.inertias.push_back(inertia);
-      if (dynamics[i].joint != HAPTIC_FREE) offer.joints.push_back(joint_of(dynamics[i]));
-    }
+    for (std::size_t i = 0; i < dynamics_count; ++i) add_dynamics(i, dynamics[i], bodies, offer);
     session->client->offer_scene(std::move(offer));
     session->once_offered.insert(bodies.begin(), bodies.end());
     session->offered = std::move(bodies);

@@ -96,6 +96,10 @@ class HapticClient {
   Wrench external(std::uint8_t link) const;
   /// The drives of the tool's joints, from the next send() on.
   void drive(const JointDrives& drives) { update_.drives = drives; }
+  /// Whether there are some that the server does not know: joints are loose then.
+  bool drives_in_vain() const noexcept {
+    return connected() && !update_.drives.empty() && !welcome().capabilities.guides;
+  }
   /// Sends the contacts within ε of the latest sample, and the bodies that the tool can push. A
   /// body that a contact names but that is not in `bodies` moves as the contact's v_WC says. With a
   /// scene (below) `contacts` are only those that no shape of it makes, and `poses` those of its

@@ -7,6 +7,8 @@ namespace {
 
 /// A server has so long to answer, s: it is asked several times.
 constexpr double kPatience = 1;
+constexpr const char* kLooseJoints =
+    "the server knows no drives: the joints that they move are loose";
 
 std::string judge(const protocol::Reject& reject) {
   const std::string text(reject.text.begin(), reject.text.end());
@@ -35,6 +37,7 @@ void SessionNews::hear(double now, const HapticClient& client, const HapticClien
   if (client.connected()) {
     had_session_ = true;
     if (text_.empty()) text_ = client.scene_problem();
+    if (text_.empty() && client.drives_in_vain()) text_ = kLooseJoints;
     return;
   }
   if (!asked_at_) asked_at_ = now;

@@ -58,11 +58,13 @@ CurvePoint point_of(const JointCurve& curve, double lower, double upper, double 
 
 CurveLengths lengths_of(const JointCurve& curve) noexcept {
   constexpr int kPlaces = 33;
-  CurveLengths lengths{curve.terms.block<4, 1>(3, 0).norm(), 0};
+  CurveLengths lengths{curve.terms.block<4, 1>(3, 0).norm(), 0, 0};
   for (int i = 0; i < kPlaces; ++i) {
     const Values y = values_at(curve, 2.0 * i / (kPlaces - 1) - 1);
-    lengths.least = std::min(lengths.least, y.f.tail<4>().norm());
-    lengths.largest = std::max(lengths.largest, y.f.tail<4>().norm());
+    const double length = y.f.tail<4>().norm();
+    lengths.least = std::min(lengths.least, length);
+    lengths.largest = std::max(lengths.largest, length);
+    lengths.change = std::max(lengths.change, y.df.tail<4>().norm() / std::max(length, 1e-12));
   }
   return lengths;
 }

@@ -36,10 +36,12 @@ struct CurvePoint {
 /// lower < upper: limits of the coordinate q.
 CurvePoint point_of(const JointCurve& curve, double lower, double upper, double q) noexcept;
 
-/// Length of its quaternion where it is least and largest, at 33 places between the limits.
+/// Of its quaternion, at 33 places between the limits: the least and the largest length, and how
+/// much it changes by x at most, as a multiple of its length.
 struct CurveLengths {
   double least = 0;
   double largest = 0;
+  double change = 0;
 };
 CurveLengths lengths_of(const JointCurve& curve) noexcept;
 

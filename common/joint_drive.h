@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "hlm/common/static_vector.h"
 #include "hlm/common/tool_description.h"
@@ -25,5 +26,12 @@ struct JointDrive {
 
 /// At most one for each coordinate.
 using JointDrives = StaticVector<JointDrive, kMaxDof>;
+
+/// Of stiffness, damping and force, with m or rad, N or N·m.
+inline constexpr double kLargestDrive = 1e9;
+
+/// Why drives cannot be those of a tool, naming the link, the value and what is allowed; empty if
+/// they can. Allocates nothing.
+std::optional<Sentence> find_error(const JointDrives& drives, const ToolDescription& tool);
 
 }  // namespace hlm

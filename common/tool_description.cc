@@ -29,6 +29,8 @@ constexpr double kSmallestToolLength = 1e-6;
 constexpr double kSmallestRange = 1e-6;
 constexpr double kLargestArmature = 1e6;  ///< kg or kg·m².
 constexpr double kShortestQuaternion = 0.1;
+/// Most that it changes by x, as a multiple of its length: it does not vanish between two places.
+constexpr double kQuickestTurn = 16;
 
 // What a joint moves and turns at least: with less, divisions by it are no longer finite.
 constexpr double kSmallestMass = 1e-6;      ///< kg.
@@ -55,6 +57,15 @@ std::optional<Sentence> find_inertia_error(const Link& link) {
   return std::nullopt;
 }
 
+/// The same of a joint's one coordinate.
+std::optional<Sentence> find_coordinate_error(const Link& link) {
+  if (has_axis(link.joint) && !is_unit(link.axis.norm())) return "axis must have length 1";
+  const double most = link.joint == JointType::kGuided ? kLargestLength : kNoLimit;
+  if (auto error = find_brief_error("lower limit", link.lower, Range{-most, most})) return error;
+  const double least_range = link.joint == JointType::kGuided ? kSmallestRange : 0;
+  return find_brief_error("upper limit", link.upper, Range{link.lower + least_range, most});
+}
+
 std::optional<Sentence> find_joint_error(const Link& link, int index) {
   if (static_cast<unsigned>(link.joint) > static_cast<unsigned>(JointType::kFollowing)) {
     return Sentence("joint type ") + static_cast<unsigned>(link.joint) + " must be 0 to 6";
@@ -68,12 +79,7 @@ std::optional<Sentence> find_joint_error(const Link& link, int index) {
   if (auto error = find_error("joint frame", link.X_PJ.p, kLargestLength, "m")) return error;
   if (!is_unit(link.X_PJ.R.norm())) return "joint frame's quaternion must have length 1";
   if (!link.axis.allFinite()) return "axis must be finite";
-  if (!has_one_coordinate(link.joint)) return std::nullopt;
-  if (has_axis(link.joint) && !is_unit(link.axis.norm())) return "axis must have length 1";
-  const double most = link.joint == JointType::kGuided ? kLargestLength : kNoLimit;
-  if (auto error = find_brief_error("lower limit", link.lower, Range{-most, most})) return error;
-  const double least_range = link.joint == JointType::kGuided ? kSmallestRange : 0;
-  return find_brief_error("upper limit", link.upper, Range{link.lower + least_range, most});
+  return has_one_coordinate(link.joint) ? find_coordinate_error(link) : std::nullopt;
 }
 
 /// Why a curve cannot be used.
@@ -93,7 +99,11 @@ std::optional<Sentence> find_curve_error(const ToolDescription& tool, const Join
   if (auto error = find_error("terms", curve.terms, kLargestLength, "m or 1")) return name + *error;
   if (auto error = find_brief_error("armature", curve.armature, Range{0, kLargestArmature}))
     return name + *error;
-  const auto [least, largest] = lengths_of(curve);
+  const auto [least, largest, change] = lengths_of(curve);
+  if (!(change <= kQuickestTurn)) {
+    return name + "the change of its quaternion, " + brief_text(change) +
+           " of its length, must be at most " + brief_text(kQuickestTurn);
+  }
   if (!(least >= kShortestQuaternion && largest <= 1 / kShortestQuaternion)) {
     return name + "the length of its quaternion, " + brief_text(least) + " to " +
            brief_text(largest) + ", must be " + brief_text(kShortestQuaternion) + " to " +
@@ -164,12 +174,30 @@ double turned_inertia(const Link& link, const Composite& body) {
   return 0;
 }
 
+/// Whether what a guided link leads has mass, or a motor.
+std::optional<Sentence> find_weightless_error(const ToolDescription& tool, int leader) {
+  double mass = 0;
+  for (const JointCurve& curve : tool.curves) {
+    if (curve.leader == leader) mass += tool.links[curve.link].mass + curve.armature;
+  }
+  if (tool.links[static_cast<std::size_t>(leader)].joint != JointType::kGuided ||
+      mass >= kSmallestMass) {
+    return std::nullopt;
+  }
+  return Sentence("link ") + leader + ": what it leads must have a mass, or armature, of " +
+         brief_text(kSmallestMass) + " at least, not " + brief_text(mass);
+}
+
 /// Whether D(q) can be inverted: every velocity coordinate must move some mass or inertia.
 std::optional<Sentence> find_massless_error(const ToolDescription& tool) {
   const int count = static_cast<int>(tool.links.size());
   const auto link = [&](int i) -> const Link& { return tool.links[static_cast<std::size_t>(i)]; };
   for (int i = 0; i < count; ++i) {
-    if (link(i).joint == JointType::kFixed || has_curve(link(i).joint)) continue;
+    if (link(i).joint == JointType::kFixed) continue;
+    if (has_curve(link(i).joint)) {
+      if (const auto error = find_weightless_error(tool, i)) return error;
+      continue;
+    }
     Composite body;
     double mass = 0;
     double beyond = 0;  // What turns on joints of its own counts in whatever pose, kg·m².

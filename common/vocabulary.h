@@ -327,9 +327,10 @@ enum class UpdateError : std::uint8_t {
   kNormal = 6,
   kSide = 7,
   kDuplicate = 8,
+  kDrive = 9,
 };
 template <>
-inline constexpr std::array<Word<UpdateError>, 9> kWords<UpdateError>{{
+inline constexpr std::array<Word<UpdateError>, 10> kWords<UpdateError>{{
     {UpdateError::kNone, "none", "no error"},
     {UpdateError::kLayout, "layout", "its bytes are not laid out as the standard says"},
     {UpdateError::kNonFinite, "non_finite", "a number is not finite"},
@@ -342,6 +343,8 @@ inline constexpr std::array<Word<UpdateError>, 9> kWords<UpdateError>{{
      "a link that the tool does not have, or a contact of the tool without it on side a"},
     {UpdateError::kDuplicate, "duplicate",
      "another contact of the update has the same identity, or another body or pose the same id"},
+    {UpdateError::kDrive, "drive",
+     "a drive on a joint that has not one coordinate, or a second one"},
 }};
 
 }  // namespace hlm

@@ -17,19 +17,6 @@ bool has_free_root(const ToolDescription& tool) noexcept {
   return !tool.links.empty() && tool.links.front().joint == JointType::kFree;
 }
 
-/// The first one on a joint that has not one coordinate, or has a drive already.
-std::optional<std::size_t> find_wrong_drive(const ToolDescription& tool,
-                                            const JointDrives& drives) noexcept {
-  std::uint32_t driven = 0;
-  for (std::size_t i = 0; i < drives.size(); ++i) {
-    const std::uint8_t link = drives[i].link;
-    if (link >= tool.links.size() || !has_one_coordinate(tool.links[link].joint)) return i;
-    if ((driven >> link) & 1u) return i;
-    driven |= 1u << link;
-  }
-  return std::nullopt;
-}
-
 ToolModel model_at(const ToolDescription& tool, const Configuration& q) noexcept {
   ToolModel model(tool);
   model.set_configuration(q);
@@ -92,9 +79,7 @@ std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
   if (!std::ranges::all_of(update.external, has_link)) {
     return UpdateMisfit{.error = UpdateError::kSide};
   }
-  if (const auto wrong = find_wrong_drive(tool, update.drives)) {
-    return UpdateMisfit{UpdateError::kSide, true, *wrong};
-  }
+  if (find_error(update.drives, tool)) return UpdateMisfit{.error = UpdateError::kDrive};
   const auto identity = [](const ReportedContact& contact) { return contact.identity; };
   const auto id = [](const MovableBody& body) { return body.id; };
   if (const auto duplicate = find_duplicate(update.contacts, identity)) {

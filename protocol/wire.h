@@ -18,6 +18,7 @@
 #include <boost/endian/conversion.hpp>
 
 #include "hlm/common/friction_limit.h"
+#include "hlm/common/joint_drive.h"
 #include "hlm/common/spatial.h"
 #include "hlm/common/vocabulary.h"
 #include "hlm/protocol/datagram_link.h"
@@ -38,9 +39,7 @@ inline constexpr double kLargestMobility = 1e12;
 inline constexpr double kLargestImpulse = 1e6;
 inline constexpr double kLargestUnit = 2;     ///< Largest unit-vector coordinate before scaling.
 inline constexpr double kLargestForce = 1e6;  ///< N.
-/// Stiffness, damping and force of a drive, with m or rad, N or N·m.
-inline constexpr double kLargestDrive = 1e9;
-inline constexpr double kLongestSpan = 1e6;  ///< s.
+inline constexpr double kLongestSpan = 1e6;   ///< s.
 
 /// Makes a vector that is of length 1 within kUnitTolerance exactly so; false for any other. What
 /// is exact to rounding stays as it was sent, bit for bit.

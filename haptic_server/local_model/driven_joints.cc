@@ -23,7 +23,9 @@ void DrivenJoints::begin_step(const ToolModel& proxy, std::optional<double> open
   for (Driven& driven : driven_) {
     const JointDrive& drive = driven.drive;
     const double led = drive.closed + opening.value_or(0) * (drive.open - drive.closed);
-    const double target = drive.follows_device && opening ? led : drive.target;
+    const double wanted = drive.follows_device && opening ? led : drive.target;
+    const Link& link = proxy.description().links[drive.link];
+    const double target = std::clamp(wanted, link.lower, link.upper);
     const double q = proxy.configuration()[proxy.coordinate_index(drive.link)];
     driven.constant = drive.stiffness * (target - q);
     driven.impedance = drive.damping + dt * drive.stiffness;
@@ -60,19 +62,15 @@ double DrivenJoints::Driven::limited(double v) const noexcept {
 
 GeneralisedForce DrivenJoints::end_step(const Velocity& v, const GeneralisedForce& tau) noexcept {
   GeneralisedForce done = GeneralisedForce::Zero(v.size());
-  grip_ = 0;
+  grip_ = opening_force_ = 0;
   for (const Driven& driven : driven_) {
     const int i = driven.coordinate;
+    const double stroke = driven.drive.open - driven.drive.closed;
     done[i] += driven.limited(v[i]);
-    grip_ += driven.drive.open < driven.drive.closed ? -tau[i] : tau[i];
+    grip_ += stroke < 0 ? -tau[i] : tau[i];
+    if (driven.drive.follows_device) opening_force_ += tau[i] * stroke;
   }
   return done;
-}
-
-double DrivenJoints::stroke() const noexcept {
-  double sum = 0;
-  for (const Driven& driven : driven_) sum += std::abs(driven.drive.open - driven.drive.closed);
-  return driven_.empty() ? 0 : sum / static_cast<double>(driven_.size());
 }
 
 }  // namespace hlm::server

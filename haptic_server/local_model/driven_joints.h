@@ -20,15 +20,15 @@ class DrivenJoints {
   /// Whether a drive is at its limit at v⁺ and was not taken so, or the other way round: then the
   /// step is to be solved again. It is at most once in a step.
   bool revise(const Velocity& v) noexcept;
-  /// The step ends with v⁺, and contacts did tau. What the drives did.
+  /// The step ends with v⁺, and contacts alone did tau. What the drives did.
   GeneralisedForce end_step(const Velocity& v, const GeneralisedForce& tau) noexcept;
 
   /// Force of contacts that opens the gripper, N or N·m of its coordinate, in the latest step; of
   /// several drives their sum.
   double grip() const noexcept { return grip_; }
-  /// Its coordinate's way from closed to open, m or rad, of several drives the mean; 0: there is
-  /// none.
-  double stroke() const noexcept;
+  /// What they do to the opening of the device's gripper, J for all of it: by virtual work on the
+  /// coordinates that it leads.
+  double opening_force() const noexcept { return opening_force_; }
 
  private:
   struct Driven {
@@ -44,6 +44,7 @@ class DrivenJoints {
   StaticVector<Driven, kMaxDof> driven_;
   double dt_ = 0;
   double grip_ = 0;
+  double opening_force_ = 0;
 };
 
 }  // namespace hlm::server

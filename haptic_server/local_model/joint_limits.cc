@@ -7,6 +7,8 @@ namespace {
 
 /// A shorter lever is taken as the tool's length: a stop close to its axis would be soft. m.
 constexpr double kLeastLever = 0.01;
+/// A guided link that goes less for each unit of its coordinate goes nowhere.
+constexpr double kDeadCentre = 1e-9;
 
 }  // namespace
 
@@ -48,8 +50,8 @@ JointLimits::Limit JointLimits::limit_of(const Link& link, double tool_length) n
   return limit;
 }
 
-/// The same of a guided link at its limit: at its centre of mass, or beside it where that does not
-/// move.
+/// The same of a guided link at its limit: at its centre of mass, or beside it where it turns more
+/// than it moves.
 JointLimits::Limit JointLimits::limit_of(const ToolDescription& tool, int index,
                                          double bound) noexcept {
   const Link& link = tool.links[static_cast<std::size_t>(index)];
@@ -61,9 +63,14 @@ JointLimits::Limit JointLimits::limit_of(const ToolDescription& tool, int index,
   const auto velocity = [&](const Vector3& p) -> Vector3 { return v + omega.cross(p); };
   Limit limit;
   limit.p_L = link.p_LCom;
-  if (velocity(limit.p_L).norm() < kLeastLever) limit.p_L += tool.length * omega.unitOrthogonal();
-  limit.lever = std::max(velocity(limit.p_L).norm(), 1e-9);
-  limit.along_L = velocity(limit.p_L) / limit.lever;
+  if (omega.norm() * tool.length > velocity(link.p_LCom).norm()) {
+    const Vector3 beside = tool.length * omega.unitOrthogonal();
+    const bool adds = omega.cross(beside).dot(velocity(link.p_LCom)) >= 0;
+    limit.p_L += adds ? beside : Vector3(-beside);
+  }
+  limit.lever = std::max(velocity(limit.p_L).norm(), kDeadCentre);
+  limit.along_L =
+      velocity(limit.p_L) / limit.lever;  // None at a dead centre: it stops there itself.
   return limit;
 }
 

@@ -8,11 +8,14 @@ namespace hlm::server {
 
 struct Loads {
   explicit Loads(const ToolDescription& tool) noexcept
-      : external(tool), latest(GeneralisedForce::Zero(tool.dof())) {}
+      : external(tool),
+        of_contacts(GeneralisedForce::Zero(tool.dof())),
+        latest(GeneralisedForce::Zero(tool.dof())) {}
 
   LinkWrenches external;
   DrivenJoints drives;
-  GeneralisedForce latest;  ///< τ of these and of its weight in the latest step, N or N·m.
+  GeneralisedForce of_contacts;  ///< τ of the tool's contacts in the latest step, N or N·m.
+  GeneralisedForce latest;       ///< τ of these and of its weight in the latest step, N or N·m.
 };
 
 }  // namespace hlm::server

@@ -107,12 +107,15 @@ ContactWrench LocalModel::step(const HandInput& hand, bool floats) noexcept {
   loads_.external.begin_step(proxy_, v_, dt_, E, r);
   loads_.drives.begin_step(proxy_, hand.opening, dt_);
   Unknowns x;
-  if (!implicit) loads_.drives.add_to(E, r);
+  if (!implicit) {
+    loads_.drives.revise(v_);
+    loads_.drives.add_to(E, r);
+  }
   const GeneralisedForce tau =
       implicit ? apply_implicitly(frames, law, E, r, x) : apply_explicitly(frames, law, x);
   v_ = E.llt().solve(r + dt_ * tau);
   loads_.latest = loads_.external.end_step(proxy_, v_, dt_) - weight;
-  loads_.latest += loads_.drives.end_step(v_, tau);
+  loads_.latest += loads_.drives.end_step(v_, loads_.of_contacts);
   move_freely(proxy_, v_, dt_);
   felt.weight = H.lazyProduct(load());
   felt.F = H.lazyProduct(tau) + felt.weight;
@@ -175,8 +178,9 @@ GeneralisedForce LocalModel::apply_implicitly(const FrameMotions& frames, const 
   }
   correct_step(groups, frames, system, x);
   if (!x.allFinite()) x.setZero();  // Levers and speeds beyond numbers: what is deep pushes.
-  GeneralisedForce tau = apply_contact_forces(groups[0], frames, x).head(d);
-  tau += apply_contact_forces(groups[1], frames, x).head(d);
+  loads_.of_contacts = apply_contact_forces(groups[0], frames, x).head(d);
+  const GeneralisedForce tau =
+      loads_.of_contacts + apply_contact_forces(groups[1], frames, x).head(d);
   apply_contact_forces(groups[2], frames, x);
   return tau;
 }
@@ -189,6 +193,7 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
   x.setZero(frames.unknowns());
   x.head(d) = v_;
   Unknowns tau = apply_contact_forces({contacts_.contacts(), law}, frames, x);
+  loads_.of_contacts = tau.head(d);
   tau += apply_contact_forces({limits_.contacts(), law}, frames, x);
   const ContactGroup supports{contacts_.supports(), support_law(dt_, kSupportFriction)};
   StepSystem system = unit_system(frames);

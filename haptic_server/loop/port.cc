@@ -60,17 +60,22 @@ void Port::allow(bool force) noexcept { limiter_.allow(force && !clutched_); }
 
 void Port::grip(double force) noexcept {
   if (ratings().max_gripper_force == 0) return;
-  const double most = ratings().max_gripper_force;
+  const double most = std::min(ratings().max_gripper_force, largest_force_);
   const double wanted =
       std::isfinite(force) ? limiter_.portion() * std::clamp(force, -most, most) : 0;
   grip_ += std::clamp(wanted - grip_, -largest_step_, largest_step_);
   device_.grip(grip_);
 }
 
-void Port::cut() noexcept {
+/// No force, which then rises from none.
+void Port::drop() noexcept {
   limiter_.cut();
   grip_ = 0;
   device_.grip(0);
+}
+
+void Port::cut() noexcept {
+  drop();
   device_.write(Wrench::Zero());
   device_.disable();
 }
@@ -99,7 +104,7 @@ Fault Port::observe(const DeviceState& device, TickRecord& record) noexcept {
   const Fault beyond = handle_.exceeded(X_WStart_, device.X_WD, device.V_WD, ratings().scale,
                                         ratings().rotation_scale);
   // For how long of a stall the motors were on is not known: only what they may have given counts.
-  if (halted_ && limiter_.work_until(device.X_WD) < 0) limiter_.cut();
+  if (halted_ && limiter_.work_until(device.X_WD) < 0) drop();
   limiter_.observe(device.X_WD, energy_.supply());
   record.port = limiter_.ledger();
   record.port_bound = limiter_.energy_bound();
@@ -111,7 +116,7 @@ Fault Port::observe(const DeviceState& device, TickRecord& record) noexcept {
   // Force rises again from zero when the motors are on again.
   const bool halted = std::exchange(halted_, false);
   if (halted) device_.enable();
-  if (halted || device.health == DeviceHealth::kForceOff) limiter_.cut();
+  if (halted || device.health == DeviceHealth::kForceOff) drop();
   return Fault::kNone;
 }
 

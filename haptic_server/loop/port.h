@@ -53,8 +53,8 @@ class Port {
                const DeviceState& device, bool twice) noexcept;
   /// An update changed the energy in the springs of contacts, J.
   void adopted(double before, double after) noexcept { energy_.adopted(before, after); }
-  /// The gripper of the next write() opens with so much, N at its finger. It rises, falls and is
-  /// limited as force is.
+  /// The gripper of the next write() opens with so much, N at its finger, and with no more than its
+  /// rating and the largest force; it rises, fades and changes as force does.
   void grip(double force) noexcept;
   /// Gives the device what it may have of the wrenches u, the impulse's and the weight's. A fault
   /// where that is no number or the device does not take it.
@@ -77,6 +77,8 @@ class Port {
   void clear() noexcept { exchange_ = {}; }
 
  private:
+  void drop() noexcept;
+
   Device& device_;
   Limiter limiter_;
   EnergyAccount energy_;

@@ -32,6 +32,11 @@ constexpr double kLargestPush = 2;
 
 const ReportedContacts kNoContacts;
 
+/// Whether the tool's pose can be the device's.
+bool can_be_device(const ToolDescription& tool) noexcept {
+  return tool.links.size() == 1 && !has_curve(tool.links[0].joint);
+}
+
 /// At most `most`, N, and then as a constant force.
 void saturate(HandInput& hand, double most) noexcept {
   const double force = hand.F.head<3>().norm();
@@ -140,9 +145,9 @@ bool Servo::waits_for_scene(const protocol::ContactUpdate& update) const noexcep
 
 void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   if (!machine_.grants_session(hello.clears_fault)) return reject_in_fault(now);
-  if (traits(options_.controller).replaces_proxy && hello.tool.links.size() != 1) {
+  if (traits(options_.controller).replaces_proxy && !can_be_device(hello.tool)) {
     link_.reject(now, protocol::RejectReason::kTool,
-                 "this controller needs a tool of one link; use another one");
+                 "this controller needs a tool of one link, without a curve; use another one");
     return;
   }
   model_.emplace(hello.tool, hello.q, options_.local_model, clocks_.dt());
@@ -171,8 +176,9 @@ void Servo::apply(const protocol::Control& control) noexcept {
     control.holds ? hand->hold(control.X_WTarget) : hand->release();
   }
   ServoOptions options = control.tuned ? tuned(options_, control.tuning) : options_;
-  // A tool of several links cannot take the device's pose; its controller stays.
-  const bool possible = !traits(options.controller).replaces_proxy || model_->proxy().links() == 1;
+  // Others cannot take the device's pose; their controller stays.
+  const bool possible =
+      !traits(options.controller).replaces_proxy || can_be_device(model_->proxy().description());
   if (!possible) options.controller = controller_.kind();
   double lowered = 0;
   // What it was started with is bounded already.
@@ -306,9 +312,9 @@ Fault Servo::render(const DeviceState& device, const ContactWrench& felt) noexce
   const Wrench weight = controller_.bears_weight(device) ? felt.weight : Wrench(Wrench::Zero());
   const bool coupled = controller_.kind() == ControllerKind::kVirtualCoupler;
   const Wrench impulse = coupled ? Wrench(Wrench::Zero()) : felt.impulse;
-  // By virtual work: while its finger goes its travel, the coordinate goes its stroke.
+  // Virtual work: while its opening goes from 0 to 1 its finger goes its travel.
   const double travel = port_.ratings().gripper_travel;
-  if (travel > 0) port_.grip(model_->drives().grip() * model_->drives().stroke() / travel);
+  if (travel > 0) port_.grip(model_->drives().opening_force() / travel);
   const Fault fault = port_.write(u, impulse, weight, device, record_);
   record_.F_env = felt.F + port_.impulse_wrench();
   if (fault == Fault::kNone && traits(controller_.kind()).replaces_proxy) {

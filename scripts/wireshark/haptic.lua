@@ -442,7 +442,7 @@ local TABLES = {
   },
   refusal = {
     field(U64, "refused", "sequence of the update"),
-    code("error", nil, {[0] = "none", [1] = "layout", [2] = "non_finite", [3] = "tool", [4] = "quaternion", [5] = "range", [6] = "normal", [7] = "side", [8] = "duplicate"}),
+    code("error", nil, {[0] = "none", [1] = "layout", [2] = "non_finite", [3] = "tool", [4] = "quaternion", [5] = "range", [6] = "normal", [7] = "side", [8] = "duplicate", [9] = "drive"}),
     flag("whole", "the update was not used"),
     field(U16, "item", "index of the first contact (of a body or a pose, where only those are wrong) with the error"),
     field(U64, "count", "updates refused as a whole in this session"),

@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include "hlm/common/joint_drive.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 
@@ -29,7 +30,7 @@ TEST_CASE("A bad tool is refused with the link and what is allowed") {
   CHECK_THAT(error_after([](T& t) { t.links[1].joint = JointType::kFree; }),
              ContainsSubstring("only the root"));
   CHECK_THAT(error_after([](T& t) { t.links[1].joint = static_cast<JointType>(9); }),
-             ContainsSubstring("joint type 9 must be 0 to 4"));
+             ContainsSubstring("joint type 9 must be 0 to 6"));
   CHECK_THAT(error_after([](T& t) { t.links[1].axis *= 2; }), ContainsSubstring("axis"));
   CHECK_THAT(error_after([](T& t) { t.links[1].lower = std::nan(""); }),
              ContainsSubstring("link 1: lower limit"));
@@ -52,6 +53,70 @@ TEST_CASE("A bad tool is refused with the link and what is allowed") {
                t.links[1].I_LCom.setZero();
              }),
              ContainsSubstring("moves too little: mass 0 kg"));
+}
+
+TEST_CASE("A bad curve is refused with its link, its value and what is allowed") {
+  const auto error_with = [](auto change) {
+    return error_after([&](ToolDescription& tool) {
+      test::Random random;
+      tool = test::guided(random, test::random_tool(random, 3, JointType::kFree));
+      REQUIRE(find_error(tool) == std::nullopt);
+      change(tool);
+    });
+  };
+  using T = ToolDescription;
+  CHECK_THAT(error_with([](T& t) { t.curves[0].link = 0; }),
+             ContainsSubstring("link 0 of a curve"));
+  CHECK_THAT(error_with([](T& t) { t.curves[0].link = 9; }),
+             ContainsSubstring("link 9 of a curve"));
+  CHECK_THAT(error_with([](T& t) { t.curves[0].leader = 2; }),
+             ContainsSubstring("must be its own leader"));
+  CHECK_THAT(error_with([](T& t) { t.curves.clear(); }),
+             ContainsSubstring("link 1 must have a curve"));
+  CHECK_THAT(error_with([](T& t) { t.curves.push_back(t.curves[0]); }),
+             ContainsSubstring("link 1 must have one curve, not two"));
+  CHECK_THAT(error_with([](T& t) { t.curves[0].terms(0, 3) = std::nan(""); }),
+             ContainsSubstring("curve of link 1: terms must be finite"));
+  CHECK_THAT(error_with([](T& t) { t.curves[0].armature = -1; }), ContainsSubstring("armature -1"));
+  CHECK_THAT(error_with([](T& t) { t.curves[0].terms.bottomRows<4>().setZero(); }),
+             ContainsSubstring("quaternion"));
+  CHECK_THAT(error_with([](T& t) {
+               t.curves[0].terms.bottomRows<4>().setZero();
+               t.curves[0].terms(3, 0) = -0.3125;
+               t.curves[0].terms(3, 1) = 9.6;
+             }),
+             ContainsSubstring("quaternion"));
+  CHECK_THAT(error_with([](T& t) { t.links[1].upper = t.links[1].lower; }),
+             ContainsSubstring("upper limit"));
+  CHECK_THAT(error_with([](T& t) {
+               for (JointCurve& curve : t.curves) {
+                 curve.armature = 0;
+                 t.links[curve.link].mass = 0;
+               }
+             }),
+             ContainsSubstring("what it leads must have a mass"));
+}
+
+TEST_CASE("A bad drive is refused with its link, its value and what is allowed") {
+  test::Random random;
+  const ToolDescription tool = test::guided(random, test::random_tool(random, 3, JointType::kFree));
+  const JointDrive good{.link = 1, .open = 0.04, .stiffness = 1000, .damping = 1, .most = 20};
+  const auto error_with = [&](auto change) -> std::string {
+    JointDrives drives{good};
+    change(drives);
+    return find_error(drives, tool).value_or("valid");
+  };
+  using D = JointDrives;
+  CHECK(error_with([](D&) {}) == "valid");
+  CHECK_THAT(error_with([](D& d) { d[0].link = 0; }),
+             ContainsSubstring("link 0: its joint must be"));
+  CHECK_THAT(error_with([](D& d) { d[0].link = 3; }),
+             ContainsSubstring("link 3: its joint must be"));
+  CHECK_THAT(error_with([](D& d) { d.push_back(d[0]); }), ContainsSubstring("one, not two"));
+  CHECK_THAT(error_with([](D& d) { d[0].target = 1e5; }), ContainsSubstring("target 100000"));
+  CHECK_THAT(error_with([](D& d) { d[0].stiffness = -1; }), ContainsSubstring("stiffness -1"));
+  CHECK_THAT(error_with([](D& d) { d[0].most = std::nan(""); }),
+             ContainsSubstring("largest force"));
 }
 
 /// The message for a tool of one link of 1 kg, 0.1 m from its joint, with these moments of inertia.

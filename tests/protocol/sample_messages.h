@@ -233,7 +233,7 @@ inline protocol::Welcome random_welcome(Random& random) {
 
 inline protocol::Refusal random_refusal(Random& random) {
   return {.refused = random.engine()(),
-          .error = static_cast<UpdateError>(random.integer(0, 8)),
+          .error = static_cast<UpdateError>(random.integer(0, 9)),
           .whole = random.integer(0, 1) == 1,
           .item = static_cast<std::uint16_t>(random.integer(0, 65535)),
           .count = random.engine()()};

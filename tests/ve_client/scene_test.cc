@@ -84,9 +84,9 @@ TEST_CASE(
     "Every world of the repository is a scene that says what is to be felt, in 80 characters") {
   const auto scenes = scenes_beside(fs::path(HLM_WORLDS) / "testbed.sdf");
   CHECK(names(scenes) == std::vector<std::string>{"assembly", "bimanual", "clutter", "contrast",
-                                                  "corner", "door", "lift", "linkage", "mesh",
-                                                  "peg_in_hole_3d", "playground", "push", "scale",
-                                                  "scissors", "stack", "testbed"});
+                                                  "corner", "door", "gripper", "lift", "linkage",
+                                                  "mesh", "peg_in_hole_3d", "playground", "push",
+                                                  "scale", "scissors", "stack", "testbed"});
   for (const SceneSummary& scene : scenes) {
     CAPTURE(scene.name);
     const Scene loaded = load_scene(scene.file);

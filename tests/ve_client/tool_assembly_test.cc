@@ -157,6 +157,38 @@ TEST_CASE("A model that cannot be a tool is an error that says why") {
   CHECK_THROWS_WITH(assemble_tool(world, "stuck"), ContainsSubstring("degrees of freedom 0"));
 }
 
+TEST_CASE("A gripper drives the joints that it names, and a wrong one is an error that says why") {
+  const WorldDescription& world = test::repository_world("gripper.sdf");
+  const ToolAssembly tool = assemble_tool(world, "gripper");
+  REQUIRE(tool.drives.size() == 2);
+  for (const JointDrive& drive : tool.drives) {
+    CHECK(drive.follows_device);
+    CHECK(drive.closed == -0.034);
+    CHECK(drive.open == 0.005);
+    CHECK(drive.most == 20);
+  }
+  const auto error_after = [&](auto change) {
+    WorldDescription wrong = world;
+    for (ModelDescription& model : wrong.models) {
+      if (model.gripper) change(*model.gripper);
+    }
+    try {
+      assemble_tool(wrong, "gripper");
+    } catch (const std::runtime_error& error) {
+      return std::string(error.what());
+    }
+    return std::string("none");
+  };
+  using G = GripperDescription;
+  CHECK_THAT(error_after([](G& g) { g.joints[0] = "middle"; }),
+             ContainsSubstring("<joint> 'middle' must be a joint of the model"));
+  CHECK_THAT(error_after([](G& g) { g.joints[1] = g.joints[0]; }),
+             ContainsSubstring("one, not two"));
+  CHECK_THAT(error_after([](G& g) { g.joints.assign(20, g.joints[0]); }),
+             ContainsSubstring("<haptic:gripper>"));
+  CHECK_THAT(error_after([](G& g) { g.stiffness = 1e12; }), ContainsSubstring("stiffness 1e+12"));
+}
+
 TEST_CASE("Joint limits are those of the tool's links") {
   const WorldDescription world = world_of(
       "<model name='stopped'><link name='a'/><link name='b'/>"

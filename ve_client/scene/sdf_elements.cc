@@ -73,7 +73,7 @@ constexpr ElementRule kRules[] = {
     {"model/allow_auto_disable", kIgnored, kNoPart},
     {"model/enable_wind", kIgnored, "there is no wind"},
     {"model/plugin", kIgnored, "plugins are not run"},
-    {"model/gripper", kApproximated, "it is not read, but <haptic:gripper>; friction holds"},
+    {"model/gripper", kApproximated, "it is not read; haptic:gripper is"},
 
     {"model/link/pose", kUsed, ""},
     {"model/link/gravity", kUsed, ""},

@@ -98,6 +98,9 @@ class ModelReader {
          joint; joint = joint->GetNextElement("joint")) {
       gripper.joints.push_back(joint->Get<std::string>());
     }
+    if (element->GetNextElement("haptic:gripper")) {
+      diagnostics_.refuse(place_of(element), "a model must have one <haptic:gripper>, not two");
+    }
     if (gripper.joints.empty()) {
       diagnostics_.refuse(place_of(element), "<haptic:gripper> must name the <joint>s of its jaws");
     }

@@ -191,18 +191,20 @@ class Assembler {
       const auto link = joint == world_.joints.end()
                             ? tool_.bodies.end()
                             : std::ranges::find(tool_.bodies, joint->child);
-      const auto index = static_cast<std::size_t>(link - tool_.bodies.begin());
-      if (link == tool_.bodies.end() || !has_axis(tool_.description.links[index].joint)) {
-        fail(model_, "<haptic:gripper> <joint> '" + name +
-                         "' must be a revolute or prismatic joint of the model");
+      if (link == tool_.bodies.end() || tool_.drives.size() == tool_.drives.capacity()) {
+        fail(model_, "<haptic:gripper> <joint> '" + name + "' must be a joint of the model");
       }
-      tool_.drives.push_back({.link = static_cast<std::uint8_t>(index),
+      tool_.drives.push_back({.link = static_cast<std::uint8_t>(link - tool_.bodies.begin()),
                               .follows_device = true,
+                              .target = gripper.open,
                               .closed = gripper.closed,
                               .open = gripper.open,
                               .stiffness = gripper.stiffness,
                               .damping = gripper.damping,
                               .most = gripper.force});
+    }
+    if (const auto error = find_error(tool_.drives, tool_.description)) {
+      fail(model_, "<haptic:gripper>: " + std::string(*error));
     }
   }
 

@@ -28,7 +28,7 @@ struct ToolAssembly {
   Configuration q;          ///< Initial configuration.
   std::vector<int> bodies;  ///< Body of each link.
   std::vector<Pose> X_LB;   ///< Body frame in each link's frame.
-  JointDrives drives;       ///< Of a gripper, at its initial opening.
+  JointDrives drives;       ///< Of a gripper, open.
   /// The plane's normal of a planar root, world; contacts are then those of a planar problem.
   std::optional<Vector3> planar_normal_W;
 };

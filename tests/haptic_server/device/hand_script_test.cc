@@ -60,6 +60,7 @@ TEST_CASE("A script is read with every key in its place") {
     [[segment]]
     duration = 0.5
     move_to = {}
+    opening = 0.25
     [[segment]]
     duration = 8
     wrench = { force = [1, 2, 3], torque = [4, 5, 6], force_amplitude = [7, 8, 9], torque_amplitude = [10, 11, 12], frequency = 2.5, phase = 0.1 }
@@ -67,6 +68,8 @@ TEST_CASE("A script is read with every key in its place") {
   CHECK(script.after == AfterLastSegment::kRepeat);
   REQUIRE(script.segments.size() == 3);
   CHECK(script.segments[0].duration == 2);
+  CHECK_FALSE(script.segments[0].opening);
+  CHECK(script.segments[1].opening == 0.25);
 
   const Reach& reach = std::get<Reach>(script.segments[0].action);
   CHECK(*reach.position == Vector3(0.1, 0.2, 0.3));
@@ -130,6 +133,8 @@ TEST_CASE("A mistake in a script is one line that says where, what, and what is 
   CHECK(error_of(reach + "[[segment]]\nwrench = {}\n") == "4: segment 2: duration is missing");
   CHECK(error_of("[[segment]]\nduration = 0\nmove_to = {}\n") ==
         "2: segment 1: duration 0 s must be 0.001 to 3600 s");
+  CHECK(error_of("[[segment]]\nduration = 1\nmove_to = {}\nopening = 1.5\n") ==
+        "4: segment 1: opening 1.5 must be 0 to 1");
   CHECK(error_of("[[segment]]\nduration = '1'\nmove_to = {}\n") ==
         "2: segment 1: duration must be a number");
   CHECK(error_of("[[segment]]\nduration = nan\nmove_to = {}\n") ==

@@ -54,6 +54,24 @@ TEST_CASE("A sinusoid matches its closed form, time counted from the segment's s
   }
 }
 
+TEST_CASE("A gripper opens and closes with minimum jerk, and stays where a segment says nothing") {
+  CHECK_FALSE(Hand({}).opening(0));
+  Hand hand({{{1.0, Push{}}, {2.0, Push{}, 0.2}, {1.0, Push{}}, {1.0, Push{}, 0.8}},
+             AfterLastSegment::kHold});
+  hand.start(Pose{});
+  const auto at = [&](double t) {
+    hand.advance(t, Pose{});
+    return hand.opening(t).value();
+  };
+  CHECK(at(0) == 0.2);  // As the first segment that says something.
+  CHECK(at(2.9) == 0.2);
+  CHECK(at(3.5) == 0.2);
+  CHECK(std::abs(at(4.5) - 0.5) < 1e-12);
+  CHECK(at(9) == 0.8);
+  hand.start(Pose{});
+  CHECK(at(0) == 0.2);
+}
+
 TEST_CASE("After the last segment the hand releases, holds or repeats, as asked") {
   const std::vector<HandSegment> segments{{1.0, Push{.constant = force(1, 0, 0)}},
                                           {1.0, Push{.constant = force(2, 0, 0)}}};

@@ -148,16 +148,20 @@ TEST_CASE("The hand feels what pushes the jaws as a whole, whatever their servo 
 }
 
 TEST_CASE("Jaws stop at their limits, and a loose one goes where it is pushed") {
-  Bench bench(0.03);
-  JointDrive drive = servo(0.06);
-  bench.update({drive});
+  Bench bench(0.01);
+  bench.update({}, {wall(1, 0.01)});
+  HandInput hand;
+  hand.damping << Vector3::Constant(50), Vector3::Constant(0.2);
+  for (int i = 0; i < 400; ++i) {  // The hand takes the palm along, and the wall keeps a jaw.
+    hand.F = -hand.damping.cwiseProduct(bench.model.hand_twist());
+    hand.F.y() -= 3;  // N: 60 mm/s
+    bench.model.step(hand);
+  }
+  CHECK(bench.q() > 0.02);  // m
+  bench.update({servo(0.06)});
   bench.run(2000);
-  // Its spring is 4000 N/m, the servo's 2000.
-  CHECK(bench.q() == Approx(kTravel).margin(0.02 * 2000 / 4000));
-  CHECK(bench.q() > kTravel);
-  bench.update({});
-  bench.run(500);
-  CHECK(bench.model.velocity().norm() < 0.05);
+  CHECK(bench.q() == Approx(kTravel).margin(1e-4));
+  CHECK(bench.model.velocity().norm() < 1e-4);
 }
 
 TEST_CASE("A drive at its largest force is a constant force, and leaves it without a jump") {
@@ -173,6 +177,45 @@ TEST_CASE("A drive at its largest force is a constant force, and leaves it witho
     before = bench.model.drives().grip();
   }
   CHECK(largest < 0.3);  // N, in a step in which the target moves by 0.08 N
+}
+
+TEST_CASE("At its limit a jaw that touches nothing has no grip, whatever its coordinate's unit") {
+  const double upper = GENERATE(0.04, 1.0, 2.1, 255.0);  // for 40 mm
+  ToolDescription tool = parallel_gripper();
+  for (Link& jaw : tool.links) jaw.upper = jaw.parent < 0 ? jaw.upper : upper;
+  const double ratio = upper / kTravel;
+  LocalModel model(tool, opened(upper / 2), {}, kDt);
+  const Configuration q_VE = opened(upper / 2);
+  const double target = GENERATE(-0.5, 1.5) * upper;
+  JointDrives drives{servo(target)};
+  drives[0].stiffness /= ratio * ratio;
+  drives[0].damping /= ratio * ratio;
+  drives[0].most /= ratio;
+  model.adopt({.contacts = {}, .q_VE = q_VE, .drives = drives});
+  for (int i = 0; i < 2000; ++i) model.step(still_hand(model));
+  REQUIRE(model.velocity().allFinite());
+  const double end = target < 0 ? 0 : upper;
+  CHECK(model.proxy().configuration()[7] == Approx(end).margin(1e-3 * upper));
+  CHECK(model.drives().grip() == 0);
+}
+
+TEST_CASE("The device's gripper gets the virtual work of what it leads, each by its own stroke") {
+  Bench bench(0.021);
+  JointDrive drive = servo(0.012);
+  drive.follows_device = true;
+  drive.closed = GENERATE(0.0, 0.03);
+  drive.open = 0.03 - drive.closed;
+  bench.update({drive}, {wall(1, 0.02), wall(2, 0.02)});
+  const double closing = drive.closed < drive.open ? 0.4 : 0.6;
+  bench.run(2000, closing);
+  const DrivenJoints& drives = bench.model.drives();
+  REQUIRE(std::abs(drives.grip()) > 1);
+  const double along_q = drive.closed < drive.open ? drives.grip() : -drives.grip();
+  CHECK(drives.opening_force() == Approx(along_q * (drive.open - drive.closed)));
+  drive.follows_device = false;
+  bench.update({drive}, {wall(1, 0.02), wall(2, 0.02)});
+  bench.run(10);
+  CHECK(bench.model.drives().opening_force() == 0);
 }
 
 }  // namespace

@@ -262,7 +262,14 @@ TEST_CASE("A controller in the proxy's place takes a rigid tool, and refuses a l
   CHECK(bench.journal == Journal{"receive hello", "send reject"});
   const auto reject = bench.last_sent<protocol::Reject>();
   CHECK(std::string(reject.text.begin(), reject.text.end()) ==
-        "this controller needs a tool of one link; use another one");
+        "this controller needs a tool of one link, without a curve; use another one");
+  ToolDescription guided = test::planar_tool();
+  guided.links[0].joint = JointType::kGuided;
+  guided.links[0].lower = 0;
+  guided.links[0].upper = 1;
+  guided.curves.emplace_back().terms.col(0) << 0, 0, 0, 1, 0, 0, 0;
+  guided.curves[0].terms(0, 1) = 0.1;
+  CHECK(bench.begin(guided).server == ServerState::kOff);
   CHECK(bench.begin(test::planar_tool()).server == ServerState::kArming);
 }
 

@@ -537,7 +537,7 @@ class ExtremeSession {
     protocol::normalize(received.tool, received.q);
     if (const auto error = protocol::find_error(received)) return std::string(*error);
     if (traits(options_.controller).replaces_proxy && hello_.tool.links.size() != 1) {
-      return "this controller needs a tool of one link; use another one";
+      return "this controller needs a tool of one link, without a curve; use another one";
     }
     return std::nullopt;
   }
