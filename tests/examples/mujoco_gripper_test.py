@@ -35,13 +35,13 @@ COUPLED = """<equality><joint joint1="left" joint2="right" solref="0.005 1"/></e
     biasprm="0 -100 -10"/></actuator>"""
 # A crank and a rocker that a `connect` closes, twice: the 2F-85 in its shape.
 LINKAGE = "".join(f"""
-  <body name="{name}_crank" pos="0 {side * 0.03} -.05" quat="{quat}"><joint name="{name}" axis="1 0 0" range="0 0.8" armature="0.005" damping="0.1"/>
+  <body name="{name}_crank" pos="0 {side * 0.03} -.05" quat="{quat}"><joint name="{name}" axis="-1 0 0" range="0 0.8" armature="0.005" damping="0.1"/>
     <geom type="capsule" fromto="0 0 0 0 .0315 -.0041" size=".004" mass=".01" contype="0" conaffinity="0"/>
-    <body name="{name}_coupler" pos="0 .0315 -.0041"><joint axis="1 0 0"/>
+    <body name="{name}_coupler" pos="0 .0315 -.0041"><joint axis="-1 0 0"/>
       <geom type="capsule" fromto="0 0 0 0 .008 -.03" size=".004" mass=".01" contype="0" conaffinity="0"/></body></body>
-  <body name="{name}_rocker" pos="0 {side * 0.0125} -.061" quat="{quat}"><joint axis="1 0 0"/>
+  <body name="{name}_rocker" pos="0 {side * 0.0125} -.061" quat="{quat}"><joint axis="-1 0 0"/>
     <geom type="capsule" fromto="0 0 0 0 .027 -.033" size=".004" mass=".02" contype="0" conaffinity="0"/>
-    <body name="{name}_tip" pos="0 .0305 -.0335"><joint axis="1 0 0" stiffness="0.05" springref="0"/>
+    <body name="{name}_tip" pos="0 .0305 -.0335"><joint axis="-1 0 0" stiffness="0.05" springref="0"/>
       <geom type="box" size=".01 .004 .02" pos="0 -.012 -.03" mass=".01" friction="1"/></body></body>"""
                   for name, side, quat in (("left", 1, "1 0 0 0"), ("right", -1, "0 0 0 1")))
 LINKAGE_ENDS = """<equality>
@@ -146,6 +146,14 @@ class Swept(unittest.TestCase):
                     self.assertLess(swept.error[0], 3e-4)  # m
                     self.assertLess(np.degrees(swept.error[1]), 0.5)
 
+    def test_springs_and_dampers_leave_it_the_whole_way(self):
+        for joint in ('stiffness="5000"', 'stiffness="5000" springref="0.04"', 'damping="10000"', 'damping="10" frictionloss="20"', 'margin="0.01"'):
+            with self.subTest(joint):
+                model, data = scene(joint=joint)
+                swept = sweep(mujoco, model, data, mujoco.mj_name2id(model, 1, "hand"), 0)
+                self.assertAlmostEqual(swept.s[0], 0, delta=1e-4)  # m
+                self.assertAlmostEqual(swept.s[-1], 0.04, delta=1e-4)
+
     def test_the_model_is_as_it_was(self):
         model, data = scene(LINKAGE, LINKAGE_ENDS)
         before = [np.asarray(each).tobytes() for each in (data.qpos, data.qvel, model.dof_armature, model.actuator_gainprm)]
@@ -185,6 +193,36 @@ class Held(unittest.TestCase):
         due = sum(1000 * (0.04 * played.at(1.9, OPENING)) for _ in range(2))
         self.assertAlmostEqual(played.at(1.9, GRIP) / due, 1, delta=0.05)
         self.assertGreater(played.at(1.9, GRIP), 30)
+
+    def test_the_jaws_own_springs_press_along(self):
+        model, data = scene(joint='damping="10" stiffness="500" springref="0.04"')
+        played = Played(model, data, hand([(1.0, 0, 0, .14)], 3), closes_at(1), 2.5)
+        s = 0.04 * played.at(2.4, OPENING)  # m
+        self.assertAlmostEqual(played.at(2.4, GRIP) / (2 * (1000 * s - 500 * (0.04 - s))), 1, delta=0.05)
+
+    def test_jaws_wait_until_the_server_knows_what_is_between_them(self):
+        model, data = scene()
+        for name in ("left", "right"):
+            data.qpos[model.jnt_qposadr[mujoco.mj_name2id(model, 3, name)]] = 0.022
+        played = Played(model, data, hand([(1.0, 0, 0, .14)], 1), lambda t: 0.0, 1.5)
+        self.assertGreater(played.at(1.4, OPENING), 0.4)
+        self.assertGreater(played.at(1.4, GRIP), 30)  # N
+
+    def test_a_servo_that_becomes_weak_lets_it_fall(self):
+        def each(now, touch, model, data):
+            if now > 4:
+                model.actuator_forcerange[:] = (-1, 1)
+
+        self.assertLess(self.lift(each=each).at(4.4, CUBE)[2], 0.04)  # m
+
+    def test_its_weight_is_that_of_the_model_as_it_is(self):
+        def each(now, touch, model, data):
+            if now > 1:
+                model.opt.gravity[2] = -G / 2
+
+        played = Played(*scene(place="0 0 .3"), hand([(0.5, 0, 0, .3), (1, 0, 0, .35), (1, 0, 0, .3)], 3), lambda t: 1.0, 4, each=each)
+        self.assertAlmostEqual(-played.force(0.4, 0.5).mean(), 0.14 * G, delta=0.01)  # N
+        self.assertAlmostEqual(-played.force(3.5, 4).mean(), 0.14 * G / 2, delta=0.01)
 
     def test_the_jaws_of_mujoco_are_where_those_of_the_hand_are(self):
         for ends in (SERVOS, COUPLED):
@@ -246,15 +284,43 @@ class Held(unittest.TestCase):
                 self.assertLess(force.std(), 0.01)
 
 
+class Examples(unittest.TestCase):
+    FOLDER = pathlib.Path(__file__).resolve().parents[2] / "examples/mujoco_gripper"
+
+    def test_each_lifts_its_cube(self):
+        for name, delay in itertools.product(("linkage", "hinge", "weld"), (0, 0.05)):
+            with self.subTest(name, delay=delay), haptic.virtual.Server(delay=delay) as server:
+                model = mujoco.MjModel.from_xml_path(str(self.FOLDER / f"{name}.xml"))
+                data = mujoco.MjData(model)
+                mujoco.mj_resetDataKeyframe(model, data, 0)
+                mujoco.mj_forward(model, data)
+                ids = {each: mujoco.mj_name2id(model, kind, each) for each, kind in (("palm", 1), ("cube", 1), ("pinch", 6))}
+                begin, turn = np.array(data.xpos[ids["palm"]]), np.array(data.xquat[ids["palm"]])
+                around = begin + data.xpos[ids["cube"]] - data.site_xpos[ids["pinch"]]
+                with haptic.mujoco.Session(model, data, gripper="palm", binding=mujoco) as touch:
+                    while server.now < 6:
+                        t = server.now
+                        up = 0.06 * np.clip((t - 3) / 2, 0, 1)
+                        touch.hold(begin + np.clip(t / 2, 0, 1) * (around - begin) + (0, 0, up), turn)
+                        touch.move_jaws(1.0 if t < 2 else 0.0)
+                        for _ in range(touch.drive(data)):
+                            mujoco.mj_step(model, data)
+                        touch.send(data)
+                        error = touch.follow_error
+                self.assertAlmostEqual(-server.ticks["env_force_z_N"][-200:].mean() / (model.body_mass[ids["cube"]] * G), 1, delta=1e-3)
+                self.assertGreater(data.xpos[ids["cube"]][2], 0.04)
+                self.assertLess(error, 2e-3)
+
+
 class Followed(unittest.TestCase):
-    def play(self, joint, ends, **options):
+    def play(self, joint, ends, arm=ARM, out=(0, .05, 0), **options):
         place = "0 0 -.08"
-        model, data = scene(root="", before=ARM.format(joint=joint), after="</body>" * 6, place=place, ends=ends + SERVOS)
+        model, data = scene(root="", before=arm.format(joint=joint), after="</body>" * 6, place=place, ends=ends + SERVOS)
         data.qpos[model.jnt_qposadr[mujoco.mj_name2id(model, 3, "a3")]] = 0.9
         data.qpos[model.jnt_qposadr[mujoco.mj_name2id(model, 3, "a4")]] = -0.9
         mujoco.mj_forward(model, data)
         begin = np.array(data.xpos[mujoco.mj_name2id(model, 1, "hand")])
-        script = hand([(0.5, *begin), (1.0, *(begin + (0, .05, 0))), (1.0, *begin)], 2)
+        script = hand([(0.5, *begin), (1.0, *(begin + out)), (1.0, *begin)], 2)
         return Played(model, data, script, lambda t: 1.0, 3.5, **options)
 
     SERVOS = '<actuator>' + "".join(f'<position joint="a{i}" kp="2000"/>' for i in range(1, 7)) + "</actuator>"
@@ -273,6 +339,28 @@ class Followed(unittest.TestCase):
 
     def test_an_arm_of_motors_follows_and_is_not_felt(self):
         self.check(self.play('damping="0.5" armature="0.05"', self.MOTORS), 8e-3)
+
+    def test_velocity_servos_and_motors_that_bear_the_weight_themselves_follow(self):
+        self.check(self.play('damping="5" armature="0.1"', self.MOTORS.replace("motor", "velocity").replace("/>", ' kv="100"/>')), 8e-3)
+        if not hasattr(mujoco.MjModel, "jnt_actgravcomp"):
+            return
+        bears = ARM.replace("<body ", '<body gravcomp="1" ')
+        self.check(self.play('damping="0.5" armature="0.05" actuatorgravcomp="true"', self.MOTORS, bears), 8e-3)
+
+    def test_it_comes_back_from_beyond_its_reach_and_does_not_whip(self):
+        speeds = []
+        for out in ((.8, 0, 0), (0, 0, .8), (.5, .5, .2)):
+            played = self.play('damping="100" armature="0.1"', self.SERVOS, out=out,
+                               each=lambda now, touch, model, data: speeds.append(np.abs(data.qvel).max()))
+            self.assertGreater(max(frame[ERROR] for frame in played.frames), 0.1)  # m
+            self.assertLess(played.at(3.4, ERROR), 3e-3)
+        self.assertLess(max(speeds), 12)  # rad/s
+
+    def test_with_five_joints_the_place_counts_more_than_the_turn(self):
+        arm = ARM.replace('<body name="wrist2"><joint name="a5" axis="1 0 0" range="-2.5 2.5" {joint}/>', '<body name="wrist2">')
+        ends = self.SERVOS.replace('<position joint="a5" kp="2000"/>', "")
+        played = self.play('damping="100" armature="0.1"', ends, arm, (0, 0.02, 0))
+        self.assertLess(max(frame[ERROR] for frame in played.frames if frame[0] > 0.5), 3e-3)
 
     def test_an_arm_without_motors_is_put_in_its_place(self):
         self.check(self.play("", ""), 2e-3)
@@ -304,6 +392,19 @@ class Wrong(unittest.TestCase):
         self.refused("'cube' must be the palm of a gripper: no actuator", model, data, gripper="cube")
         self.refused("no actuator 'mid'", model, data, gripper="hand", jaws=["mid"])
         self.refused("must move what hangs on 'left'", model, data, gripper="left", jaws=["right"])
+        for jaws in ("left", None, 0, {"left"}):
+            self.refused("jaws .* must be a list of actuators", model, data, gripper="hand", jaws=jaws)
+        self.refused("must be different actuators", model, data, gripper="hand", jaws=["left", 0])
+        self.refused("jaw True must be the name", model, data, gripper="hand", jaws=[True])
+        by_velocity = SERVOS.replace("<position", '<intvelocity actrange="0 .04"')
+        self.refused("'left' must be a motor or a position servo", *scene(ends=by_velocity), gripper="hand")
+        muscles = Followed.MOTORS.replace("<motor", '<muscle lengthrange="-3 3"')
+        jointed = ARM.format(joint="")
+        self.refused("of the arm must be a motor", *scene(root="", before=jointed, after="</body>" * 6, ends=muscles + SERVOS), gripper="hand")
+        two = HINGE.replace("</body>", """<body name="tip" pos="0 0 -.09"><joint name="tip" axis="1 0 0" range="-1 1"/>
+            <geom type="box" size=".01 .003 .01" pos="0 0 -.02" mass=".01"/></body></body>""")
+        ends = HINGE_ENDS.replace("</actuator>", '<position name="tip" joint="tip" kp="1" ctrlrange="-1 1" forcerange="-1 1"/></actuator>')
+        self.refused("must not move one body, each on its own", *scene(two, ends), gripper="hand", jaws=["jaw", "tip"])
         self.refused("must be on something that moves", *scene(root=""), gripper="hand")
         endless = SERVOS.replace('ctrlrange="0 .04"', "")
         jaws = SLIDES.replace('range="0 0.04"', "")

@@ -131,10 +131,10 @@ class Held(Session):
         jaw = self.handle.data.joint("left")
         self.viewer.send_to_sim(studio.JawsEvent())
         self.run_for(1)
-        self.assertLess(jaw.qpos[0], 0.001)
+        self.assertGreater(jaw.qpos[0], 0.029)  # m: they began closed
         self.viewer.send_to_sim(studio.JawsEvent())
         self.run_for(1)
-        self.assertGreater(jaw.qpos[0], 0.029)
+        self.assertLess(jaw.qpos[0], 0.001)
 
     def test_another_body_changes_hands(self):
         self.press()

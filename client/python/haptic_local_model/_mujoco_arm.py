@@ -9,17 +9,21 @@ import numpy as np
 
 import haptic_local_model as haptic
 from haptic_local_model._mujoco_shapes import carriers
-from haptic_local_model._mujoco_sweep import moments
+from haptic_local_model._mujoco_sweep import actuator_name, moments
 from haptic_local_model._world import quaternions, rotation, rotation_vector
 
 _FREE, _SLIDE, _HINGE = 0, 2, 3  # of mjtJoint
 _WELD, _BODY, _SITE_OBJECT = 1, 1, 6  # mjEQ_WELD, mjOBJ_BODY, mjOBJ_SITE
-_AFFINE = 1  # mjBIAS_AFFINE
+_FIXED, _LINEAR = 0, (0, 1)  # mjGAIN_FIXED; mjBIAS_NONE, mjBIAS_AFFINE
+_DIRECT = (0, 2, 3)  # mjDYN_NONE, mjDYN_FILTER, mjDYN_FILTEREXACT
 _ROUNDS = 20  # of a frame's inverse kinematics
 _CLOSE = 1e-6  # m and rad
 _DAMPING = 1e-4  # of inverse kinematics, relative: near singular postures it goes slowly
 _QUICKNESS, _OF_FRAME = 40.0, 0.3  # 1/s: of an arm that follows by motors, at most, and so much in a frame
 _LONGEST_STEP = 0.2  # rad or m, of a joint in one round
+_FASTEST = 6.0  # rad/s or m/s, of a joint: beyond its reach an arm would whip
+_LEVER = 0.03  # m/rad: so much counts a turn of the palm where an arm cannot have both
+_TO_REST = 0.5  # 1/s: how an arm with a choice goes back to the posture that it began in
 
 
 class Arm(abc.ABC):
@@ -86,13 +90,16 @@ class _Driven(Arm):
         self._dofs = dofs
         self._joints = np.asarray(model.dof_jntid)[dofs]
         self._q = np.asarray(model.jnt_qposadr)[self._joints]
-        self._target = np.array(data.qpos[self._q])
+        self._rest = np.array(data.qpos[self._q])
+        self._target, self._longest, self._back = self._rest, _FASTEST * period, _TO_REST * period
         self._copy = binding.MjData(model)
         rows = moments(binding, model, data)
         inside = np.zeros(model.nv, bool)
         inside[dofs] = True
         moves = (rows != 0).any(axis=1) & ~(rows[:, ~inside] != 0).any(axis=1)
         self._actuators, self._gears = np.flatnonzero(moves), rows[moves][:, dofs]
+        for actuator in self._actuators:
+            _require_linear(binding, model, int(actuator))
         if len(self._actuators) == 0:
             self.kept = sorted({int(body) for body in np.asarray(model.jnt_bodyid)[self._joints] if model.body_jntnum[body] == 1})
 
@@ -105,23 +112,28 @@ class _Driven(Arm):
         self._command(data, speed)
 
     def _solve(self, data: Any, X: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Damped least squares on the pose, from the latest target on. Returns the joints' velocity."""
+        """Damped least squares on the pose, from the latest target on, with joints at their limits left out. Returns the joints' velocity."""
         binding, model, copy = self._binding, self._model, self._copy
         copy.qpos[:] = data.qpos
         J = np.zeros((6, model.nv))
         low, high = self._limits()
-        for _ in range(_ROUNDS):
+        low, high = np.maximum(low, self._target - self._longest), np.minimum(high, self._target + self._longest)
+        free = np.ones(len(self._dofs), bool)
+        for round_ in range(_ROUNDS):
             copy.qpos[self._q] = self._target
             binding.mj_kinematics(model, copy)
             binding.mj_comPos(model, copy)
             binding.mj_jacBody(model, copy, J[:3], J[3:], self._palm)
             off = np.concatenate([X[:3] - copy.xpos[self._palm], rotation_vector(
                 quaternions((rotation(X[3:]) @ np.reshape(copy.xmat[self._palm], (3, 3)).T)[None])[0])])
-            if np.abs(off).max() < _CLOSE:
+            if np.abs(off).max() < _CLOSE and round_ > 0:
                 break
-            step = np.clip(_damped(J[:, self._dofs], off), -_LONGEST_STEP, _LONGEST_STEP)
-            self._target = np.clip(self._target + step, low, high)
-        return _damped(J[:, self._dofs], v)
+            back = self._back * (self._rest - self._target) if round_ == 0 else np.zeros(len(self._dofs))
+            step, free = _within(J[:, self._dofs], off, back, low - self._target, high - self._target)
+            self._target = np.clip(self._target + np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), low, high)
+        speed = np.zeros(len(self._dofs))
+        speed[free] = _damped(J[:, self._dofs[free]], v)
+        return np.clip(speed, -_FASTEST, _FASTEST)
 
     def _limits(self) -> tuple[np.ndarray, np.ndarray]:
         limited = np.asarray(self._model.jnt_limited)[self._joints] != 0
@@ -134,17 +146,21 @@ class _Driven(Arm):
         binding, model, chosen = self._binding, self._model, self._actuators
         binding.mj_forward(model, data)
         carried = np.array(data.qfrc_bias - data.qfrc_passive)
+        if hasattr(model, "jnt_actgravcomp"):  # By the actuators' own side.
+            carried -= np.where(np.asarray(model.jnt_actgravcomp)[model.dof_jntid] != 0, data.qfrc_gravcomp, 0)
         wanted, pull = np.zeros(model.nv), np.zeros(model.nv)
         wanted[self._dofs] = self._quickness**2 * (self._target - data.qpos[self._q])
         wanted[self._dofs] += 2 * self._quickness * (speed - data.qvel[self._dofs])
         binding.mj_mulM(model, data, pull, wanted)
         gain, bias = np.asarray(model.actuator_gainprm)[chosen, 0], np.asarray(model.actuator_biasprm)[chosen]
-        is_servo = (np.asarray(model.actuator_biastype)[chosen] == _AFFINE) & (bias[:, 1] < 0)
+        bias = np.where(np.asarray(model.actuator_biastype)[chosen, None] == 0, 0, bias)
+        is_servo = bias[:, 1] < 0
         to_actuators = np.linalg.pinv(self._gears.T)
         still, moving = to_actuators @ carried[self._dofs], to_actuators @ pull[self._dofs]
         length = np.asarray(data.actuator_length)[chosen] + self._gears @ (self._target - data.qpos[self._q])
         springs = still - bias[:, 0] - bias[:, 1] * length - bias[:, 2] * (self._gears @ speed)
-        control = np.where(is_servo, springs, still + moving) / np.where(gain == 0, 1, gain)
+        motors = still + moving - bias[:, 0] - bias[:, 2] * np.asarray(data.actuator_velocity)[chosen]
+        control = np.where(is_servo, springs, motors) / gain
         limited, ranges = np.asarray(model.actuator_ctrllimited)[chosen] != 0, np.asarray(model.actuator_ctrlrange)[chosen]
         data.ctrl[chosen] = np.where(limited, np.clip(control, ranges[:, 0], ranges[:, 1]), control)
 
@@ -188,15 +204,40 @@ def _hangs_on(model: Any, body: int, root: int) -> bool:
     return body == root
 
 
+def _require_linear(binding: Any, model: Any, actuator: int) -> None:
+    if (model.actuator_dyntype[actuator] not in _DIRECT or model.actuator_gaintype[actuator] != _FIXED or model.actuator_gainprm[actuator, 0] == 0
+            or model.actuator_biastype[actuator] not in _LINEAR):
+        raise haptic.HapticError(f"actuator {actuator_name(binding, model, actuator)!r} of the arm must be a motor, or a servo of position or "
+                                 "velocity: others cannot be told what force they are to give")
+
+
+def _within(J: np.ndarray, motion: np.ndarray, back: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The step that moves the palm so, and goes `back` where that does not move it; and which joints are free: those that would leave
+    their limits stop there, and the others do without them."""
+    free, step = np.ones(J.shape[1], bool), np.zeros(J.shape[1])
+    for _ in range(J.shape[1]):
+        A = J[:, free]
+        left = motion - J[:, ~free] @ step[~free]
+        step[free] = _damped(A, left - A @ back[free]) + back[free]
+        stops = free & ((step < low) & (low > -1e-9) | (step > high) & (high < 1e-9))
+        if not stops.any():
+            break
+        step[stops], free = np.clip(step, low, high)[stops], free & ~stops
+    return step, free
+
+
 def _damped(J: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """J: (6, n), of metres and radians; a turn counts by its lever."""
+    weights = np.array([1, 1, 1, _LEVER, _LEVER, _LEVER])
+    J, motion = weights[:, None] * J, weights * motion
     size = max(float(np.linalg.norm(J)), 1e-9)
-    return J.T @ np.linalg.solve(J @ J.T + (_DAMPING * size)**2 * np.eye(6), motion)
+    return np.asarray(J.T @ np.linalg.solve(J @ J.T + (_DAMPING * size)**2 * np.eye(6), motion))
 
 
 def _mocap_of_weld(model: Any, data: Any, palm: int, chain: list[int]) -> Optional[tuple[int, np.ndarray]]:
     """The mocap body that an equality welds one of the chain to, and its frame in the palm's where the weld is satisfied."""
     for i in range(model.neq):
-        if model.eq_type[i] != _WELD:
+        if model.eq_type[i] != _WELD or not np.ravel(getattr(data, "eq_active", getattr(model, "eq_active", [1] * model.neq)))[i]:
             continue
         of_sites = hasattr(model, "eq_objtype") and model.eq_objtype[i] == _SITE_OBJECT
         named = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])

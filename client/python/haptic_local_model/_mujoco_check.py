@@ -13,7 +13,7 @@ import haptic_local_model as haptic
 from haptic_local_model._mujoco_bodies import Bodies
 from haptic_local_model._mujoco_changes import Changes
 from haptic_local_model._mujoco_pairs import Pairs, has_flag
-from haptic_local_model._mujoco_shapes import carriers, have_shapes, version_of
+from haptic_local_model._mujoco_shapes import Parts, carriers, have_shapes, version_of
 from haptic_local_model._mujoco_tool import find_tool
 
 APPROXIMATE, IGNORED, HELD, AHEAD = "approximate", "ignored", "held", "moved ahead"
@@ -141,14 +141,15 @@ def check(model: Any, tool: Optional[str] = None, binding: Any = None) -> list[F
     the server holds while the hand carries them, and which are moved ahead of MuJoCo's reports, and why. tool, binding: as of
     Session; without a tool, what every tool would meet. Raises haptic.HapticError where it cannot be the tool."""
     binding = importlib.import_module("mujoco") if binding is None else binding
-    number = -1 if tool is None else find_tool(binding, model, tool)
-    return findings(binding, model, number, Changes(model))
+    parts = Parts({}) if tool is None else Parts({find_tool(binding, model, tool): 0})
+    return findings(binding, model, parts, Changes(model))
 
 
-def findings(binding: Any, model: Any, tool: int, changes: Changes) -> list[Finding]:
-    """tool: its body, -1: none is chosen yet. changes: of a session that runs."""
-    of_body, bodies = carriers(model), Bodies(binding, model, [tool], changes)
-    pairs = Pairs(binding, model, of_body[model.geom_bodyid], [tool], version_of(binding))
+def findings(binding: Any, model: Any, parts: Parts, changes: Changes) -> list[Finding]:
+    """parts: of the tool; none: none is chosen yet. changes: of a session that runs."""
+    of_body, bodies = carriers(model, parts.own(model)), Bodies(binding, model, {*parts.links, *parts.ghosts}, changes)
+    pairs = Pairs(binding, model, of_body[model.geom_bodyid], parts.links, version_of(binding))
+    tool = next(iter(parts.links), -1)
     try:
         offered, problem = _offered(model, pairs, of_body, tool), []
     except haptic.HapticError as error:

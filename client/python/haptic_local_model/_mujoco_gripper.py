@@ -9,19 +9,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import haptic_local_model as haptic
+from haptic_local_model import _arguments
 from haptic_local_model._library import CURVE_TERMS, Curve, Drive, Link
 from haptic_local_model._mujoco_arm import Arm, arm_of
 from haptic_local_model._mujoco_bodies import Bodies
 from haptic_local_model._mujoco_shapes import Parts, carriers
-from haptic_local_model._mujoco_sweep import Sweep, actuator_name, actuators_of, find_actuator, moments, sweep
+from haptic_local_model._mujoco_sweep import Servo, Sweep, actuator_name, actuators_of, find_actuator, has_range, moments, servo_of, sweep
 from haptic_local_model._mujoco_tool import find_body
 from haptic_local_model._world import rotation
 
 _MOST_ACTUATORS = 4
 _MOST_LINKS = 16
 _AFFINE = 1  # mjBIAS_AFFINE
+_AS_FAR_OUT = 0.7  # of the farthest geom
 _WELL_SWEPT = (3e-4, 0.0087)  # m, rad: by which a finger may be off its curve without a warning
 _LEAST_TRAVEL = 1e-4  # m
+_LEAST_GEAR = 0.01  # of an actuator that moves with the one that is led
 _STILL = 1e-6  # m or rad: of what a jaw does not move
 
 
@@ -32,9 +35,19 @@ def palm_of(binding: Any, model: Any, body: int) -> int:
     while body > 0:
         found = actuators_of(binding, model, data, body)
         if 0 < len(found) <= _MOST_ACTUATORS:
-            return _with_mount(model, body) if _carry_no_jaws(binding, model, data, body, found) else 0
+            is_one = _carry_no_jaws(binding, model, data, body, found) and all(
+                has_range(binding, model, data, actuator) for actuator in found) and _has_jaws(binding, model, data, found)
+            return _with_mount(model, body) if is_one else 0
         body = int(model.body_parentid[body])
     return 0
+
+
+def _has_jaws(binding: Any, model: Any, data: Any, actuators: Sequence[int]) -> bool:
+    """Whether they move two bodies or more, or one beside a palm that has geoms of its own."""
+    moved = {int(body) for actuator in actuators for body in
+             np.asarray(model.dof_bodyid)[moments(binding, model, data)[actuator] != 0]}
+    palms = {int(model.body_parentid[body]) for body in moved}
+    return len(moved) > 1 or bool(np.isin(model.geom_bodyid, [*palms]).any())
 
 
 def _with_mount(model: Any, palm: int) -> int:
@@ -51,6 +64,11 @@ def _carry_no_jaws(binding: Any, model: Any, data: Any, palm: int, actuators: Se
                if moments(binding, model, data)[actuator][np.asarray(model.dof_bodyid) == body].any())
 
 
+def _gear(led: Sweep, actuator: int) -> float:
+    """By how much the length of another actuator changes with that of the one that is led."""
+    return abs(float(led.lengths[-1, actuator] - led.lengths[0, actuator])) / float(led.s[-1] - led.s[0])
+
+
 class Jaw(NamedTuple):
     """What one actuator moves, by q, m: the way of its farthest body from the lower end of the actuator's length."""
     sweep: Sweep
@@ -59,14 +77,23 @@ class Jaw(NamedTuple):
     actuators: tuple[int, ...]  #: that move it
     closed: float  #: q of the closed jaw,
     open: float  #: and of the open one.
+    servo: Servo  #: of all of them,
+    spring: tuple[float, float]  #: and what the joints do themselves: Sweep.spring(),
+    damping: float  #: and N s/m or N m s/rad of s.
 
     def q(self, s: float) -> float:
         return (s - float(self.sweep.s[0])) * self.ratio
 
     def drive(self, target: float, follows_device: bool) -> Drive:
-        servo, r = self.sweep.servo, self.ratio
-        return Drive(link=self.link, follows_device=follows_device, target=target, closed=self.closed, open=self.open,
-                     stiffness=servo.stiffness / r**2, damping=servo.damping / r**2, most=servo.most / r)
+        """Servo and springs are one spring, which rests where they are in balance."""
+        r, (k, pull) = self.ratio, self.spring
+        both = self.servo.stiffness + k
+
+        def balance(q: float) -> float:
+            return self.q((self.servo.stiffness * (q / r + float(self.sweep.s[0])) + pull) / both)
+
+        return Drive(link=self.link, follows_device=follows_device, target=balance(target), closed=balance(self.closed), open=balance(self.open),
+                     stiffness=both / r**2, damping=(self.servo.damping + self.damping) / r**2, most=self.servo.most / r)
 
 
 class Gripper:
@@ -77,6 +104,7 @@ class Gripper:
 
     def __init__(self, binding: Any, model: Any, data: Any, palm: Any, jaws: Sequence[Any], bodies: Bodies, period: float):
         self._binding, self._model, self._bodies = binding, model, bodies
+        binding.mj_forward(model, data)
         self.body = find_body(binding, model, palm, "gripper")
         self.jaws = self._swept(data, self._actuators(data, jaws))
         moved = [finger.body for jaw in self.jaws for finger in jaw.sweep.fingers]
@@ -94,6 +122,9 @@ class Gripper:
         self.target: Optional[float] = None
         self._opening = self._by_button = self._opening_of(self._present_q(data))
         self._was_down = False
+        self._stated: Optional[np.ndarray] = None
+        self._known = self._servos()
+        self._told = self._weighs = self._weights()
 
     def warn(self) -> None:
         off = np.max([jaw.sweep.error for jaw in self.jaws], axis=0)
@@ -116,21 +147,30 @@ class Gripper:
         made = []
         for jaw in self.jaws:
             for i, finger in enumerate(jaw.sweep.fingers):
-                curve = Curve(link=jaw.link + i, leader=jaw.link, armature=jaw.sweep.armature / jaw.ratio**2 if i == 0 else 0)
+                armature = jaw.sweep.of_joints(self._model.dof_armature) / jaw.ratio**2 if i == 0 else 0
+                curve = Curve(link=jaw.link + i, leader=jaw.link, armature=armature)
                 for to, terms in zip(curve.terms, finger.terms):
                     to[:] = terms
                 made.append(curve)
         return made
 
     def is_told(self, gravity: Optional[ArrayLike]) -> None:
-        """An arm carries it, or the hand does."""
+        """The server knows it as it is now, with gravity as stated, m/s²; None: as the model has it."""
+        self._stated = None if gravity is None else np.array(gravity, dtype=float)
+        self._told = self._weights()
 
     def weigh(self) -> None:
-        """As Tool.weigh()."""
+        """The model has changed."""
+        self._weighs, self._known = self._weights(), b""
 
     def gravity(self) -> np.ndarray:
         """What the hand feels of its weight, m/s²: nothing, where an arm carries it."""
         return self._bodies.gravity_on(self.body) if self._arm.is_free else np.zeros(3)
+
+    def _weights(self) -> np.ndarray:
+        """(links, 3), N."""
+        gravity = self.gravity() if self._stated is None else self._stated
+        return np.array([self._bodies.inertia(body)[0] * gravity for body in self.parts.links])
 
     def arm(self, data: Any) -> float:
         """From the palm's origin to its farthest point, m."""
@@ -159,31 +199,56 @@ class Gripper:
             self._by_button = 0.0 if self._by_button > 0.5 else 1.0
         self._was_down = bool(buttons & 1)
 
-    def drives(self) -> list[Drive]:
-        """Of the next update."""
+    def _servos(self) -> bytes:
+        model = self._model
+        return b"".join(np.asarray(each).tobytes() for each in (
+            model.actuator_gainprm, model.actuator_biasprm, model.actuator_forcerange, model.actuator_ctrlrange))
+
+    def _look_again(self) -> None:
+        """At what drives the jaws, where the model has changed."""
+        before, self._known = self._known, self._servos()
+        if self._known == before:
+            return
+        at = self._binding.MjData(self._model)
+        self._binding.mj_forward(self._model, at)
+        self.jaws = [self._as_it_is(at, jaw) for jaw in self.jaws]
+
+    def drives(self, is_ready: bool) -> list[Drive]:
+        """Of the next update. Until the server is ready, jaws stay where they are: they would go through what is between them."""
+        self._look_again()
+        if not is_ready:
+            return [jaw.drive(at, False) for jaw, at in zip(self.jaws, self._sent[0][7:])]
         target = self._by_button if self.target is None else self.target
         return [jaw.drive(jaw.closed + target * (jaw.open - jaw.closed), self.target is None) for jaw in self.jaws]
 
     @property
     def opening(self) -> float:
         """0 closed to 1 open, of the proxy."""
-        return self._opening
+        return min(max(self._opening, 0.0), 1.0)
 
     def follow_error(self, data: Any) -> float:
         """How far the engine's palm is from where the hand has it, m."""
         return self._arm.error(data)
 
     def external_wrench(self, data: Any) -> np.ndarray:
-        """As Tool: nothing, as an arm carries it."""
-        return np.zeros(6)
+        """On the palm, N and N m about its origin, world axes: what its weight has changed by."""
+        wrench, more = np.zeros(6), self._weighs - self._told
+        for body, force in zip(self.parts.links, more) if more.any() else ():
+            arm = data.xpos[body] + np.reshape(data.xmat[body], (3, 3)) @ self._bodies.inertia(body)[1] - data.xpos[self.body]
+            wrench += np.concatenate([force, np.cross(arm, force)])
+        return wrench
 
     def _actuators(self, data: Any, jaws: Sequence[Any]) -> list[int]:
         binding, model = self._binding, self._model
         name = binding.mj_id2name(model, 1, self.body) or self.body
         found = actuators_of(binding, model, data, self.body)
+        if isinstance(jaws, str) or not isinstance(jaws, Sequence):
+            raise haptic.HapticError(f"jaws {_arguments.brief(jaws)} must be a list of actuators, by name or number")
         if len(jaws):
             named = [find_actuator(binding, model, jaw) for jaw in jaws]
             wrong = next((each for each in named if each not in found), None)
+            if len(set(named)) < len(named):
+                raise haptic.HapticError(f"jaws {_arguments.brief(list(jaws))} must be different actuators")
             if wrong is not None:
                 raise haptic.HapticError(f"actuator {actuator_name(binding, model, wrong)!r} must move what hangs on {name!r}, and nothing else")
             return named
@@ -197,7 +262,7 @@ class Gripper:
         return found
 
     def _swept(self, data: Any, actuators: list[int]) -> list[Jaw]:
-        """Actuators that move the same bodies are one jaw, which the first leads."""
+        """Actuators that move each other are one jaw, which the first leads."""
         jaws: list[Jaw] = []
         known: dict[int, int] = {}
         link = 1
@@ -205,14 +270,16 @@ class Gripper:
             led = sweep(self._binding, self._model, data, self.body, actuator)
             shared = next((known[finger.body] for finger in led.fingers if finger.body in known), None)
             if shared is not None:
-                first = jaws[shared].sweep
-                stronger = first.servo._replace(most=first.servo.most + led.servo.most, stiffness=first.servo.stiffness + led.servo.stiffness,
-                                                damping=first.servo.damping + led.servo.damping)
-                jaws[shared] = jaws[shared]._replace(sweep=first._replace(servo=stronger), actuators=(*jaws[shared].actuators, actuator))
+                first = jaws[shared]
+                if _gear(first.sweep, actuator) < _LEAST_GEAR or _gear(led, first.sweep.actuator) < _LEAST_GEAR:
+                    names = [actuator_name(self._binding, self._model, each) for each in (first.sweep.actuator, actuator)]
+                    raise haptic.HapticError(f"actuators {names[0]!r} and {names[1]!r} must not move one body, each on its own: what they "
+                                             "move would need two coordinates")
+                jaws[shared] = self._as_it_is(data, first._replace(actuators=(*first.actuators, actuator)))
                 continue
             known.update((finger.body, len(jaws)) for finger in led.fingers)
             ratio = self._travel(led) / float(led.s[-1] - led.s[0])
-            jaw = Jaw(led, ratio, link, (actuator,), 0.0, 0.0)
+            jaw = self._as_it_is(data, Jaw(led, ratio, link, (actuator,), 0.0, 0.0, led.servo, (0.0, 0.0), 0.0))
             lower, upper = (float(np.clip(each, led.s[0], led.s[-1])) for each in (led.servo.lower, led.servo.upper))
             ends = jaw.q(lower), jaw.q(upper)
             closed, open_ = ends if self._is_closed_first(data, led) else ends[::-1]
@@ -221,6 +288,15 @@ class Gripper:
         if link > _MOST_LINKS:
             raise haptic.HapticError(f"the gripper has {link} bodies that move, and may have {_MOST_LINKS}")
         return jaws
+
+    def _as_it_is(self, data: Any, jaw: Jaw) -> Jaw:
+        """With servos, springs and damping as the model has them now."""
+        model, led, servo = self._model, jaw.sweep, jaw.sweep.servo._replace(stiffness=0.0, damping=0.0, most=0.0)
+        for actuator in jaw.actuators:
+            one, gear = servo_of(self._binding, model, data, actuator), _gear(led, actuator)
+            servo = servo._replace(stiffness=servo.stiffness + one.stiffness * gear**2, damping=servo.damping + one.damping * gear**2,
+                                   most=servo.most + one.most * gear)
+        return jaw._replace(servo=servo, spring=led.spring(model), damping=led.of_joints(model.dof_damping))
 
     def _travel(self, led: Sweep) -> float:
         """Way of the body whose geoms go farthest, m."""
@@ -238,28 +314,23 @@ class Gripper:
         return self._bodies.inertia(body)[1]
 
     def _is_closed_first(self, data: Any, led: Sweep) -> bool:
-        """Whether the jaws are closer together at the lower end of the actuator's length: by a copy of the data."""
-        gaps = []
-        for row in (led.qpos[0], led.qpos[-1]):
-            at = self._binding.MjData(self._model)
+        """Whether the tips are closer together at the lower end of the actuator's length. Tips: geoms as far out as the farthest, about."""
+        ends = [self._binding.MjData(self._model) for _ in range(2)]
+        for at, row in zip(ends, (led.qpos[0], led.qpos[-1])):
             at.qpos[:] = row
             self._binding.mj_kinematics(self._model, at)
-            gaps.append(self._gap(at, [finger.body for finger in led.fingers]))
-        return gaps[0] <= gaps[1]
-
-    def _gap(self, data: Any, bodies: list[int]) -> float:
-        """Between the farthest geoms of the fingers, and what else is on the gripper as far out: m."""
         of_geom = self._carriers_of_geoms()
-        own = np.flatnonzero(np.isin(of_geom, bodies))
-        below = np.flatnonzero(np.isin(of_geom, self._around()))
-        away = np.linalg.norm(np.asarray(data.geom_xpos)[own] - data.xpos[self.body], axis=1)
-        tips = own[away >= 0.8 * away.max(initial=0)]
-        between = []
-        for tip in tips:
-            others = below[of_geom[below] != of_geom[tip]]
-            apart = np.linalg.norm(np.asarray(data.geom_xpos)[others] - data.geom_xpos[tip], axis=1)
-            between.append(apart.min(initial=np.inf))
-        return float(np.mean(between)) if between else 0.0
+        own = np.flatnonzero(np.isin(of_geom, self._around()))
+        away = np.min([np.linalg.norm(np.asarray(at.geom_xpos)[own] - at.xpos[self.body], axis=1) for at in ends], axis=0)
+        tips = {int(carrier): own[(of_geom[own] == carrier) & (away >= _AS_FAR_OUT * away.max(initial=0))] for carrier in of_geom[own]}
+        gaps = []
+        for at in ends:
+            places = [np.asarray(at.geom_xpos)[geoms].mean(axis=0) for geoms in tips.values() if len(geoms)]
+            if len(places) < 2:  # One jaw beside a palm without a tip.
+                of_palm = np.asarray(at.geom_xpos)[own[of_geom[own] == self.body]]
+                places.append(of_palm.mean(axis=0) if len(of_palm) else np.asarray(at.xpos)[self.body])
+            gaps.append(np.mean([np.linalg.norm(one - other) for k, one in enumerate(places) for other in places[:k]]))
+        return bool(gaps[0] <= gaps[1])
 
     def _carriers_of_geoms(self) -> np.ndarray:
         is_palm = np.arange(self._model.nbody) == self.body

@@ -27,6 +27,7 @@ _STILL = 1e-6  # of the coordinate's range, in a step: it has come to rest
 _LEAST_MOTION = 1e-5  # m or rad: of a body that the actuator moves
 _LEAST_RANGE = 1e-4  # rad or m
 _FIXED, _AFFINE, _NONE = 0, 1, 0  # mjGAIN_FIXED, mjBIAS_AFFINE, mjDYN_NONE
+_DIRECT = (0, 2, 3)  # mjDYN_NONE, mjDYN_FILTER, mjDYN_FILTEREXACT
 
 
 class Servo(NamedTuple):
@@ -51,9 +52,25 @@ class Sweep(NamedTuple):
     qpos: np.ndarray  #: (n, nq): of the model; what the actuator does not move stays
     lengths: np.ndarray  #: (n, nu): of all actuators
     fingers: list[Finger]
-    armature: float  #: of the joints' motors, at s
+    joints: np.ndarray  #: (k,): of the mechanism; their places in qpos and in qvel;
+    places: np.ndarray
+    dofs: np.ndarray
+    slopes: np.ndarray  #: and dq/ds of each, root of the mean square
     servo: Servo
     error: tuple[float, float]  #: by which the fingers are off their curves at most: m, rad
+
+    def of_joints(self, each: Any) -> float:
+        """Armature or damping of all degrees of freedom, at s."""
+        return float(np.asarray(each)[self.dofs] @ self.slopes**2)
+
+    def spring(self, model: Any) -> tuple[float, float]:
+        """Of the joints' springs, at s: force = pull - stiffness s; from a parabola through their energy."""
+        stretched = self.qpos[:, self.places] - np.asarray(model.qpos_spring)[self.places]
+        stiffness = np.asarray(model.jnt_stiffness)[self.joints]
+        if not stiffness.any():
+            return 0.0, 0.0
+        bent, slope, _ = np.polyfit(self.s, (0.5 * stiffness * stretched**2).sum(axis=1), 2)
+        return max(0.0, 2 * float(bent)), -float(slope) - min(0.0, 2 * float(bent)) * float(self.s.mean())
 
 
 def actuators_of(binding: Any, model: Any, data: Any, palm: int) -> list[int]:
@@ -76,7 +93,7 @@ def moments(binding: Any, model: Any, data: Any) -> np.ndarray:
 
 def sweep(binding: Any, model: Any, data: Any, palm: int, actuator: int) -> Sweep:
     """Raises haptic.HapticError where nothing moves, or the actuator has no range."""
-    servo = _servo_of(binding, model, data, actuator)
+    servo = servo_of(binding, model, data, actuator)
     led = _Led(binding, model, data, palm, actuator)
     lengths: list[float] = []
     poses, rows, of_all = [], [], []
@@ -108,12 +125,12 @@ def sweep(binding: Any, model: Any, data: Any, palm: int, actuator: int) -> Swee
         fingers.append(Finger(bodies[i], terms))
         fitted = powers @ terms
         off = np.maximum(off, [np.linalg.norm(fitted[:, :3] - samples[:, :3], axis=1).max(), _apart(fitted[:, 3:], samples[:, 3:])])
-    return Sweep(actuator, s, np.array(rows), np.array(of_all), fingers, led.armature(np.array(rows), s), servo, (float(off[0]), float(off[1])))
+    return Sweep(actuator, s, np.array(rows), np.array(of_all), fingers, *led.slopes(np.array(rows), s), servo, (float(off[0]), float(off[1])))
 
 
 def find_actuator(binding: Any, model: Any, name: Any) -> int:
     """The number of the actuator of that name or number."""
-    if isinstance(name, (int, np.integer)) and 0 <= name < model.nu:
+    if isinstance(name, (int, np.integer)) and not isinstance(name, bool) and 0 <= name < model.nu:
         return int(name)
     if not isinstance(name, str):
         raise haptic.HapticError(f"jaw {_arguments.brief(name)} must be the name of an actuator, or a number from 0 to {model.nu - 1}")
@@ -139,12 +156,16 @@ class _Led:
         led.actuator_gaintype[:], led.actuator_biastype[:], led.actuator_dyntype[:] = _FIXED, _NONE, _NONE
         led.actuator_gainprm[:] = led.actuator_biasprm[:] = 0
         led.actuator_gainprm[actuator, 0] = 1
+        led.actuator_actadr[:], led.actuator_actnum[:] = -1, 0
         led.actuator_forcelimited[:] = led.actuator_ctrllimited[:] = False
         if hasattr(led, "jnt_actfrclimited"):
             led.jnt_actfrclimited[:] = False
-        self._others, self._own_armature = ~_dofs_below(model, palm), np.array(model.dof_armature)
+        self._others = ~_dofs_below(model, palm)
         led.dof_armature[~self._others] += _CALM
-        led.dof_armature[moments(binding, model, data)[actuator] != 0] += _FIRM
+        moved = moments(binding, model, data) != 0
+        led.dof_armature[moved[actuator]] += _FIRM
+        # What springs and dampers of these joints do is part of the drive.
+        led.dof_damping[moved[actuator]], led.jnt_stiffness[moved.any(axis=0)[model.jnt_dofadr]], led.jnt_margin[:] = 0, 0, 0
         for name in ("dof_armature", "dof_M0"):  # For free joints MuJoCo reads the second alone.
             getattr(led, name)[self._others] += _HEAVY
         self.data = binding.MjData(led)
@@ -225,24 +246,24 @@ class _Led:
         return [(R.T @ (data.xpos[body] - data.xpos[self._palm]),
                  quaternions((R.T @ np.reshape(data.xmat[body], (3, 3)))[None])[0]) for body in self.bodies]
 
-    def armature(self, rows: np.ndarray, s: np.ndarray) -> float:
-        """Of the joints' motors, at the coordinate: the mean over its range."""
-        model, sum_ = self._model, 0.0
-        for joint in range(model.njnt):
-            dof = int(model.jnt_dofadr[joint])
-            if self._others[dof] or model.jnt_type[joint] in (_FREE, _BALL):
-                continue
-            slopes = np.gradient(rows[:, model.jnt_qposadr[joint]], s)
-            sum_ += float(self._own_armature[dof] * np.mean(slopes**2))
-        return sum_
+    def slopes(self, rows: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Joints of one coordinate on the palm, where they are in qpos and in qvel, and dq/ds."""
+        model = self._model
+        joints = np.flatnonzero(~self._others[model.jnt_dofadr] & ~np.isin(model.jnt_type, (_FREE, _BALL)))
+        places = np.asarray(model.jnt_qposadr)[joints]
+        slopes = np.sqrt(np.mean(np.gradient(rows[:, places], s, axis=0)**2, axis=0))
+        return joints, places, np.asarray(model.jnt_dofadr)[joints], slopes
 
 
-def _servo_of(binding: Any, model: Any, data: Any, actuator: int) -> Servo:
+def servo_of(binding: Any, model: Any, data: Any, actuator: int) -> Servo:
     """From its gain and bias: a position servo where it has one; else a motor, of which a servo of ours is made."""
+    if model.actuator_dyntype[actuator] not in _DIRECT or model.actuator_gaintype[actuator] != _FIXED:
+        raise haptic.HapticError(f"actuator {actuator_name(binding, model, actuator)!r} must be a motor or a position servo: others cannot be "
+                                 "told what force they are to give")
     gain, bias = float(model.actuator_gainprm[actuator, 0]), np.asarray(model.actuator_biasprm)[actuator]
     controls = np.asarray(model.actuator_ctrlrange)[actuator] if model.actuator_ctrllimited[actuator] else None
     is_servo = model.actuator_biastype[actuator] == _AFFINE and bias[1] < 0
-    most = float(np.abs(model.actuator_forcerange[actuator]).max()) if model.actuator_forcelimited[actuator] else None
+    most = _most_of(binding, model, data, actuator)
     reach = _reach(binding, model, data, actuator)
     if is_servo:
         rests = sorted((gain * control + bias[0]) / -bias[1] for control in controls) if controls is not None else reach
@@ -258,13 +279,29 @@ def _servo_of(binding: Any, model: Any, data: Any, actuator: int) -> Servo:
     if reach is None:
         raise haptic.HapticError(f"actuator {actuator_name(binding, model, actuator)!r} must have a range: write range into its joint")
     _require_way(binding, model, actuator, reach)
-    if most is None:
-        most = abs(gain) * float(np.abs(controls).max()) if controls is not None else 0.0
-    if not most > 0:
+    if controls is not None:
+        by_control = abs(gain) * float(np.abs(controls).max())
+        most = by_control if most is None else min(most, by_control)
+    if most is None or not most > 0:
         raise haptic.HapticError(f"actuator {actuator_name(binding, model, actuator)!r} must have a largest force: write forcerange or "
                                  "ctrlrange into it")
     # All its force where it is a twentieth of its range away.
     return Servo(20 * most / (reach[1] - reach[0]), 0.0, most, float(reach[0]), float(reach[1]))
+
+
+def has_range(binding: Any, model: Any, data: Any, actuator: int) -> bool:
+    """Whether it, or the joints that it moves, have limits."""
+    return bool(model.actuator_ctrllimited[actuator] and model.actuator_biasprm[actuator, 1] < 0) or _reach(binding, model, data, actuator) is not None
+
+
+def _most_of(binding: Any, model: Any, data: Any, actuator: int) -> Optional[float]:
+    """Its largest force, also by what its joints take."""
+    limits = [float(np.abs(model.actuator_forcerange[actuator]).max())] if model.actuator_forcelimited[actuator] else []
+    row = moments(binding, model, data)[actuator]
+    for joint in np.flatnonzero(row[np.asarray(model.jnt_dofadr)] != 0):
+        if hasattr(model, "jnt_actfrclimited") and model.jnt_actfrclimited[joint]:
+            limits.append(float(np.abs(model.jnt_actfrcrange[joint]).max()) / abs(float(row[model.jnt_dofadr[joint]])))
+    return min(limits, default=None)
 
 
 def _require_way(binding: Any, model: Any, actuator: int, ends: Sequence[float]) -> None:

@@ -77,7 +77,7 @@ class Tool:
     def curves(self) -> list[haptic.Curve]:
         return []
 
-    def drives(self) -> list[haptic.Drive]:
+    def drives(self, is_ready: bool) -> list[haptic.Drive]:
         return []
 
     def configuration(self, data: Any) -> np.ndarray:

@@ -57,6 +57,12 @@ _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 
 
+def _warn_of_sparse(binding: Any, model: Any) -> None:
+    if binding.mj_versionString() == "4.0.0" and binding.mj_isSparse(model):
+        warnings.warn("MuJoCo 4.0.0 has wrong accelerations where its Jacobian is sparse, as this model's is, and the hand would "
+                      "feel them: use 4.0.1 or 3.17.0, or write <option jacobian=\"dense\"/>", stacklevel=3)
+
+
 class Session(EngineSession):
     """A client for one model.
 
@@ -87,11 +93,13 @@ class Session(EngineSession):
         self._binding, self._model, self._version = binding, model, version_of(binding)
         if (tool is None) == (gripper is None):
             raise haptic.HapticError("a session must have either a tool or a gripper")
+        if gripper is not None and contacts == "engine":
+            raise haptic.HapticError("contacts 'engine' must be 'shapes' with a gripper: MuJoCo's own contacts of jaws are not felt")
         self._begin = 0.0  # s: MuJoCo's time when the present frame began, and
         self._ended = -np.inf  # when the one before ended.
         self._was_reset = False  # in between
         self._taken: set[int] = set()  # bodies that the hand held, and the user has put elsewhere
-        self._warned, self._follow_error = False, 0.0
+        self._warned, self._warned_of_shapes, self._follow_error = False, False, 0.0
         self._epsilon, self._changes, self._pushes, self._near_bodies = epsilon, Changes(model), Pushes(), NearBodies()
         self._placed = Bodies(binding, model, (), self._changes)
         self._tool: Tool | Gripper = (Tool(binding, model, find_tool(binding, model, tool), self._placed) if gripper is None else
@@ -99,10 +107,8 @@ class Session(EngineSession):
         self._placed.tool = {*self._tool.parts.links, *self._tool.parts.ghosts}
         self._tool.warn()
         self._listing = Listing(model, self._changes, self._version, epsilon, self._tool.geoms)
-        self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes")
-        if binding.mj_versionString() == "4.0.0" and binding.mj_isSparse(model):
-            warnings.warn("MuJoCo 4.0.0 has wrong accelerations where its Jacobian is sparse, as this model's is, and the hand would "
-                          "feel them: use 4.0.1 or 3.17.0, or write <option jacobian=\"dense\"/>", stacklevel=2)
+        self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes" or self._tool.is_ghost)
+        _warn_of_sparse(binding, model)
         self._bodies_of_geoms = moving_bodies(model)[model.geom_bodyid]
         parents, moves = np.asarray(model.body_weldid)[model.body_parentid], np.asarray(model.body_dofnum) > 0
         self._hanging = np.column_stack([np.flatnonzero(moves & moves[parents]), parents[moves & moves[parents]]])
@@ -170,7 +176,7 @@ class Session(EngineSession):
 
     def check(self) -> list[Finding]:
         """What of the model is approximated or ignored, and which bodies the server can hold; as check()."""
-        return _mujoco_check.findings(self._binding, self._model, self._tool.body, self._changes)
+        return _mujoco_check.findings(self._binding, self._model, self._tool.parts, self._changes)
 
     def drive(self, data: Any) -> int:
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches for all of its
@@ -196,7 +202,10 @@ class Session(EngineSession):
         if self._frames.length == 0:
             return
         by_shapes = self._shapes is not None and (self.touch.has_scene or self._frames.waits())
-        if not by_shapes and not self._listing.early.all():
+        if not by_shapes and self._tool.is_ghost and not self._warned_of_shapes:
+            self._warned_of_shapes = True
+            warnings.warn(f"nothing is felt: {self.touch.message}", stacklevel=4)
+        if not by_shapes and not self._tool.is_ghost and not self._listing.early.all():
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as the server finds none: "
                           f"{self.touch.message}", stacklevel=2)
             self._listing.list_early(~self._listing.early)
@@ -208,7 +217,7 @@ class Session(EngineSession):
         q, v = self._tool.sample(data)
         self.touch.sample(q, v, self._frames.length)
         self.touch.external_wrench(self._tool.external_wrench(data))
-        self.touch.drive_joints(self._tool.drives())
+        self.touch.drive_joints(self._tool.drives(not self._frames.waits()))
         if by_shapes and self._shapes is not None:
             self._send_poses(data, v[:6], self._shapes)
         else:
@@ -264,6 +273,10 @@ class Session(EngineSession):
                           "that changes", stacklevel=3)
         others = np.flatnonzero(shapes.by_engine).tolist()
         if others:
+            if self._tool.is_ghost:
+                warnings.warn(f"a gripper does not feel {len(others)} geom{'s' * (len(others) > 1)} that can be given no shape, the first "
+                              f"of them geom {others[0]} of type {int(self._model.geom_type[others[0]])}", stacklevel=3)
+                return shapes
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, of {len(others)} geom{'s' * (len(others) > 1)} "
                           f"that can be given no shape, the first of them geom {others[0]} of type "
                           f"{int(self._model.geom_type[others[0]])}", stacklevel=3)

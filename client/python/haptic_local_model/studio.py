@@ -78,7 +78,7 @@ class Hand(plugin.SimPlugin):
 
     _touch: Optional[Session] = None
     _body = 0  # That is to be in the hand, of a gripper the palm; 0: none.
-    _closes = False  # Its jaws
+    _closes: Optional[bool] = None  # Its jaws, by the button; None: the device leads them.
     _held_name = _path = ""
     _selected = 0  # By the last double click.
     _wanted = WantedSnapshot()
@@ -109,7 +109,8 @@ class Hand(plugin.SimPlugin):
         if event.path != self._path:  # Studio runs it at full speed.
             self._paused, self._speed = False, float(_FULL_SPEED)
         self._path, self._problem, self._selected = event.path, "", 0
-        self._hold(event.model, next((body for body in found if body > 0 and is_free(event.model, body)), 0))
+        self._hold(event.model, next((body for body in found if body > 0 and (
+            is_free(event.model, body) or palm_of(mujoco, event.model, body) == body)), 0))
 
     @messages.handler
     def on_reset(self, event: messages.ResetEvent) -> None:
@@ -133,7 +134,7 @@ class Hand(plugin.SimPlugin):
         if wanted.body == 0:
             return
         body = int(carriers(model)[wanted.body])
-        body = body if is_free(model, body) and palm_of(mujoco, model, wanted.body) == 0 else palm_of(mujoco, model, wanted.body)
+        body = palm_of(mujoco, model, wanted.body) or (body if is_free(model, body) else 0)
         if body > 0 and body == self._body:
             return
         self._end()
@@ -148,7 +149,9 @@ class Hand(plugin.SimPlugin):
 
     @messages.handler
     def on_jaws(self, event: JawsEvent) -> None:
-        self._closes = not self._closes
+        if self._touch is not None and self._touch.has_gripper:
+            self._closes = self._touch.opening > 0.5 if self._closes is None else not self._closes
+            self._touch.move_jaws(0 if self._closes else 1)
 
     @messages.handler
     def on_exit(self, event: messages.ExitEvent) -> None:
@@ -183,14 +186,12 @@ class Hand(plugin.SimPlugin):
             self._touch.release()
         for _ in range(self._touch.drive(data)):
             mujoco.mj_step(model, data)
-        if self._touch.has_gripper and (self._closes or self._touch.opening < 0.5):
-            self._touch.move_jaws(0 if self._closes else 1)
         self._touch.send(data)
         self._next = max(self._next + PERIOD, time.monotonic())
         time.sleep(max(0, self._next - time.monotonic()))
 
     def _hold(self, model: Any, body: int) -> None:
-        self._closes = False
+        self._closes = None
         self._body, self._held_name = body, _name(model, body) if body > 0 else ""
 
     def _end(self) -> None:
