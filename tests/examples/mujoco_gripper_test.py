@@ -208,12 +208,17 @@ class Held(unittest.TestCase):
         self.assertGreater(played.at(1.4, OPENING), 0.4)
         self.assertGreater(played.at(1.4, GRIP), 30)  # N
 
-    def test_a_servo_that_becomes_weak_lets_it_fall(self):
-        def each(now, touch, model, data):
+    def test_a_servo_that_becomes_weak_or_is_switched_off_lets_it_fall(self):
+        def becomes_weak(now, touch, model, data):
             if now > 4:
                 model.actuator_forcerange[:] = (-1, 1)
 
-        self.assertLess(self.lift(each=each).at(4.4, CUBE)[2], 0.04)  # m
+        def is_off(now, touch, model, data):
+            if now > 4:
+                model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0
+
+        for each in (becomes_weak, is_off):
+            self.assertLess(self.lift(each=each).at(4.4, CUBE)[2], 0.04)  # m
 
     def test_its_weight_is_that_of_the_model_as_it_is(self):
         def each(now, touch, model, data):

@@ -211,7 +211,11 @@ class Gripper:
             return
         at = self._binding.MjData(self._model)
         self._binding.mj_forward(self._model, at)
-        self.jaws = [self._as_it_is(at, jaw) for jaw in self.jaws]
+        for i, jaw in enumerate(self.jaws):
+            try:
+                self.jaws[i] = self._as_it_is(at, jaw)
+            except haptic.HapticError:  # Neither servo nor motor any more: it does nothing.
+                self.jaws[i] = jaw._replace(servo=jaw.servo._replace(most=0.0))
 
     def drives(self, is_ready: bool) -> list[Drive]:
         """Of the next update. Until the server is ready, jaws stay where they are: they would go through what is between them."""
