@@ -285,6 +285,7 @@ void add_dynamics(std::size_t index, const haptic_dynamics& from,
 void set_off(haptic_state& state) {
   state.server = HAPTIC_SERVER_OFF;
   state.active = state.predicted = 0;
+  state.grip = 0;
   std::fill_n(state.command, 6, 0.0);
   std::fill_n(state.contact_wrench, 6, 0.0);
 }
