@@ -38,6 +38,10 @@ inline const std::string kTable;
 template <>
 inline const std::string kTable<Link> = "link";
 template <>
+inline const std::string kTable<JointCurve> = "curve";
+template <>
+inline const std::string kTable<JointDrive> = "drive";
+template <>
 inline const std::string kTable<MovableBody> = "body";
 template <>
 inline const std::string kTable<ReportedContact> = "contact";
