@@ -72,6 +72,11 @@ ARM = """<body name="base" pos="-.5 0 .55"><joint name="a1" axis="0 0 1" range="
  <body name="wrist" pos=".25 0 -.1"><joint name="a4" axis="0 1 0" range="-2.5 2.5" {joint}/><geom type="sphere" size=".03" mass=".3"/>
  <body name="wrist2"><joint name="a5" axis="1 0 0" range="-2.5 2.5" {joint}/><geom type="sphere" size=".03" mass=".3"/>
  <body name="wrist3"><joint name="a6" axis="0 0 1" range="-2.5 2.5" {joint}/><geom type="sphere" size=".02" mass=".3"/>"""
+# Seven hinges with the lengths and limits of a Franka Emika Robot (its manual): position, turn about x in quarters, range.
+SEVEN = "".join(f'<body pos="{p}" quat="1 {turn} 0 0"><joint name="a{i}" range="{limits}"/><geom type="sphere" size=".03" mass="1"/>'
+                for i, (p, turn, limits) in enumerate((
+                    ("-.5 0 .333", 0, "-2.9 2.9"), ("0 0 0", -1, "-1.76 1.76"), ("0 -.316 0", 1, "-2.9 2.9"), (".0825 0 0", 1, "-3.07 -.07"),
+                    ("-.0825 .384 0", -1, "-2.9 2.9"), ("0 0 0", 1, "-.017 3.75"), (".088 0 0", 1, "-2.9 2.9")), 1))
 BELOW = "0 0 .14"
 
 
@@ -361,9 +366,20 @@ class Followed(unittest.TestCase):
             self.assertLess(played.at(3.4, ERROR), 3e-3)
         self.assertLess(max(speeds), 12)  # rad/s
 
+    def test_joints_at_their_limits_leave_the_rest_to_the_others(self):
+        for out in (.4, .6):
+            model, data = scene(root="", before=SEVEN, after="</body>" * 7, place="0 0 .1")
+            for i, q in enumerate((0, 0, 0, -1.57, 0, 1.57, -.785), 1):
+                data.qpos[model.jnt_qposadr[mujoco.mj_name2id(model, 3, f"a{i}")]] = q
+            mujoco.mj_forward(model, data)
+            begin = np.array(data.xpos[mujoco.mj_name2id(model, 1, "hand")])
+            up, far = begin + (0, 0, .2), begin + (out, 0, .2)
+            script = hand([(1, *up), (4 * out, *far), (1, *far), (4 * out, *up), (1, *begin)], 1)
+            self.assertLess(Played(model, data, script, lambda t: 1.0, 3.9 + 8 * out).frames[-1][ERROR], 3e-3)  # m
+
     def test_with_five_joints_the_place_counts_more_than_the_turn(self):
-        arm = ARM.replace('<body name="wrist2"><joint name="a5" axis="1 0 0" range="-2.5 2.5" {joint}/>', '<body name="wrist2">')
-        ends = self.SERVOS.replace('<position joint="a5" kp="2000"/>', "")
+        arm = ARM.replace('<body name="wrist3"><joint name="a6" axis="0 0 1" range="-2.5 2.5" {joint}/>', '<body name="wrist3">')
+        ends = self.SERVOS.replace('<position joint="a6" kp="2000"/>', "")
         played = self.play('damping="100" armature="0.1"', ends, arm, (0, 0.02, 0))
         self.assertLess(max(frame[ERROR] for frame in played.frames if frame[0] > 0.5), 3e-3)
 
@@ -391,6 +407,7 @@ class Wrong(unittest.TestCase):
 
     def test_each_is_one_line(self):
         model, data = scene()
+        self.refused("gripper True must be the name of a body", model, data, gripper=True)
         self.refused("no body 'hnad'", model, data, gripper="hnad")
         self.refused("either a tool or a gripper", model, data)
         self.refused("either a tool or a gripper", model, data, tool="cube", gripper="hand")

@@ -18,6 +18,7 @@ _FIXED, _LINEAR = 0, (0, 1)  # mjGAIN_FIXED; mjBIAS_NONE, mjBIAS_AFFINE
 _DIRECT = (0, 2, 3)  # mjDYN_NONE, mjDYN_FILTER, mjDYN_FILTEREXACT
 _ROUNDS = 20  # of a frame's inverse kinematics
 _CLOSE = 1e-6  # m and rad
+_STUCK = 1e-3  # m and rad
 _DAMPING = 1e-4  # of inverse kinematics, relative: near singular postures it goes slowly
 _QUICKNESS, _OF_FRAME = 40.0, 0.3  # 1/s: of an arm that follows by motors, at most, and so much in a frame
 _LONGEST_STEP = 0.2  # rad or m, of a joint in one round
@@ -112,15 +113,27 @@ class _Driven(Arm):
         self._command(data, speed)
 
     def _solve(self, data: Any, X: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Damped least squares on the pose, from the latest target on, with joints at their limits left out. Returns the joints' velocity."""
+        """From the latest target on. Where that is stuck at limits, towards the posture that is found from the first one on. Returns the
+        joints' velocity."""
+        self._copy.qpos[:] = data.qpos
+        limits = self._limits()
+        low, high = np.maximum(limits[0], self._target - self._longest), np.minimum(limits[1], self._target + self._longest)
+        reached, J, free, off = self._reach(X, self._target, low, high)
+        if off > _STUCK:
+            other, *_, from_rest = self._reach(X, self._rest, *limits)
+            reached = np.clip(other, low, high) if from_rest < _STUCK else reached
+        self._target = reached
+        speed = np.zeros(len(self._dofs))
+        speed[free] = _damped(J[:, free], v)
+        return np.clip(speed, -_FASTEST, _FASTEST)
+
+    def _reach(self, X: np.ndarray, begin: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """Damped least squares on the pose, with joints at their limits left out. Returns where the joints are, the palm's Jacobian there,
+        which joints are free, and by how much the pose is off at most, m or rad."""
         binding, model, copy = self._binding, self._model, self._copy
-        copy.qpos[:] = data.qpos
-        J = np.zeros((6, model.nv))
-        low, high = self._limits()
-        low, high = np.maximum(low, self._target - self._longest), np.minimum(high, self._target + self._longest)
-        free = np.ones(len(self._dofs), bool)
+        q, J, free = begin, np.zeros((6, model.nv)), np.ones(len(self._dofs), bool)
         for round_ in range(_ROUNDS):
-            copy.qpos[self._q] = self._target
+            copy.qpos[self._q] = q
             binding.mj_kinematics(model, copy)
             binding.mj_comPos(model, copy)
             binding.mj_jacBody(model, copy, J[:3], J[3:], self._palm)
@@ -128,12 +141,10 @@ class _Driven(Arm):
                 quaternions((rotation(X[3:]) @ np.reshape(copy.xmat[self._palm], (3, 3)).T)[None])[0])])
             if np.abs(off).max() < _CLOSE and round_ > 0:
                 break
-            back = self._back * (self._rest - self._target) if round_ == 0 else np.zeros(len(self._dofs))
-            step, free = _within(J[:, self._dofs], off, back, low - self._target, high - self._target)
-            self._target = np.clip(self._target + np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), low, high)
-        speed = np.zeros(len(self._dofs))
-        speed[free] = _damped(J[:, self._dofs[free]], v)
-        return np.clip(speed, -_FASTEST, _FASTEST)
+            back = self._back * (self._rest - q) if round_ == 0 else np.zeros(len(self._dofs))
+            step, free = _within(J[:, self._dofs], off, back, low - q, high - q)
+            q = np.clip(q + np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), low, high)
+        return q, J[:, self._dofs], free, float(np.abs(off).max())
 
     def _limits(self) -> tuple[np.ndarray, np.ndarray]:
         limited = np.asarray(self._model.jnt_limited)[self._joints] != 0

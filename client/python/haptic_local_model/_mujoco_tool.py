@@ -21,7 +21,7 @@ _NO_CONTACT = np.isin(np.arange(32), (0, 2, 4))  # of mjtConstraint: mjCNSTR_EQU
 
 def find_body(binding: Any, model: Any, name: Any, what: str) -> int:
     """The number of the body of that name or number. what: it is to be."""
-    if isinstance(name, (int, np.integer)) and 0 < name < model.nbody:
+    if isinstance(name, (int, np.integer)) and not isinstance(name, bool) and 0 < name < model.nbody:
         return int(name)
     if not isinstance(name, str):
         raise haptic.HapticError(f"{what} {_arguments.brief(name)} must be the name of a body, or a number from 1 to {model.nbody - 1}")
