@@ -161,8 +161,8 @@ class Client:
 
     def hello(self, **changes):
         self.hellos += 1
-        values = dict(sequence=self.hellos, nonce=self.nonce, q="0 0 0", gravity="0 0 0", X_LH="0 0 0 1 0 0 0",
-                      links__0__com="0 0 0", clears_fault=1)
+        values = dict(sequence=self.hellos, nonce=self.nonce, q_size=3, q="0 0 0", gravity="0 0 0", X_LH="0 0 0 1 0 0 0",
+                      links__count=1, links__total=1, links__0__com="0 0 0", curves__count=0, curves__total=0, clears_fault=1)
         values.update(changes)
         self.send(DOC.encode("hello", **values))
 
@@ -205,7 +205,7 @@ class Client:
         echo = self.state["step"] if self.state.get("session") == self.session else 0
         values = dict(session=self.session, sequence=self.sequence, echo_step=echo, echo_hold=0, compute_time=0,
                       impulse_step=0, q=" ".join(map(repr, q)), v="0 0 0", ve_period=1 / RATE,
-                      bodies__count=0, bodies__total=0, contacts__0__b_kind=0,
+                      bodies__count=0, bodies__total=0, drives__count=0, drives__total=0, contacts__0__b_kind=0,
                       contacts__0__p=f"{WALL} 0 0", contacts__0__n="-1 0 0",
                       contacts__0__separation=repr(WALL - q[0]), contacts__0__v_point="0 0 0",
                       contacts__0__friction=-1)

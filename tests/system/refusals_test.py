@@ -27,7 +27,7 @@ HELLOS = {
     "q": {"1e5 0 0": "initial configuration", "nan 0 0": SILENCE},
     "clears_fault": {"2": SILENCE},
     "links__0__parent": {"0": "parent", "5": "parent"},
-    "links__0__joint": {"5": "joint type", "4": "initial configuration has 3 coordinates"},
+    "links__0__joint": {"7": "joint type", "4": "initial configuration has 3 coordinates"},
     "links__0__X_PJ": {"0 0 0 2 0 0 0": "length 1", "0 0 1e5 1 0 0 0": "joint frame", "inf 0 0 1 0 0 0": SILENCE},
     "links__0__mass": {"-1": "mass", "1e4": "mass", "0": "moves too little", NAN: SILENCE},
     "links__0__com": {"1e5 0 0": "centre of mass", "nan 0 0": SILENCE},

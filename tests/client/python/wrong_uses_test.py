@@ -202,6 +202,7 @@ def of_mujoco(tool="peg", data=None, **options):
                                   jnt_type=[free], jnt_qposadr=[0], jnt_dofadr=[0])
     names = {"world": 0, "brick": 1, "mocap": 2, "peg": 3}
     binding = types.SimpleNamespace(mj_name2id=lambda _, kind, name: names.get(name, -1),
+                                    mj_id2name=lambda _, kind, number: list(names)[number],
                                     mj_versionString=lambda: "4.0.0")
     fitting = types.SimpleNamespace(qpos=np.zeros(7), qvel=np.zeros(6), xpos=np.zeros((4, 3)), geom_xpos=np.zeros((2, 3)))
     return lambda: haptic.mujoco.Session(model, data or fitting, tool, binding=binding, **options)
@@ -220,7 +221,7 @@ PYTHON = [
     ("no inertia", lambda: session(tool=haptic.box(1, (0, 0, 0))), "inertia .*must be"),
     ("a joint misspelt", lambda: haptic.box(joint="hinge"), "joint 'hinge' must be one of fixed, revolute"),
     ("a joint that is a list", lambda: haptic.box(joint=["free"]), r"joint \['free'\] must be one of fixed"),
-    ("a joint's number that there is not", lambda: session(tool=link(joint=9)), "link 0: joint 9 must be 0 to 4"),
+    ("a joint's number that there is not", lambda: session(tool=link(joint=9)), "link 0: joint 9 must be 0 to 6"),
     ("a parent that comes after its child", lambda: session(tool=[box(), link(parent=2, joint=1), link(parent=0, joint=1)]),
      "link 1: parent 2 must be 0 to 0"),
     ("a root with a parent", lambda: session(tool=link(parent=0)), r"root's parent must be the world \(-1\)"),
