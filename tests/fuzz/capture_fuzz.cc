@@ -14,8 +14,8 @@ void replay(const server::RecordedSession& session) {
   if (!session.acknowledgements.empty() && session.acknowledgements.back().step > kMostSteps)
     return;
   server::SimulatedDevice device({}, {}, 1e-3);
-  const auto result =
-      server::replay_offline(session, {}, 0, device, [](const server::TickRecord& record) {
+  const auto result = server::replay_offline(
+      session, {}, 0, device, [](const server::TickRecord& record, const server::Servo&) {
         demand(record.F_command.allFinite(), "a command is finite");
       });
   demand(result.equal <= result.compared, "no more states are equal than there are");
@@ -23,10 +23,10 @@ void replay(const server::RecordedSession& session) {
 }
 
 void play(server::Recording& recording) {
-  for (const server::OfflineResult& result :
-       server::replay_offline(recording, {}, 0, nullptr, [](const server::TickRecord& record) {
-         demand(record.F_command.allFinite(), "a command is finite");
-       })) {
+  for (const server::OfflineResult& result : server::replay_offline(
+           recording, {}, 0, nullptr, [](const server::TickRecord&record, const server::Servo&) {
+             demand(record.F_command.allFinite(), "a command is finite");
+           })) {
     demand(result.equal <= result.compared, "no more states are equal than there are");
   }
 }

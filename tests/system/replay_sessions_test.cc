@@ -102,12 +102,14 @@ class RandomSession {
     }
     auto recording = server::Recording::open(path_);
     REQUIRE(recording);
-    return server::replay_offline(
-        *recording, options_.servo, 0, nullptr, [this](const server::TickRecord& record) {
-          const auto was = recorded_.find(record.time);
-          const bool same = was != recorded_.end() && was->second == outcome_of(record);
-          if (!same && !first_other_tick_) first_other_tick_ = record.time;
-        });
+    return server::replay_offline(*recording, options_.servo, 0, nullptr,
+                                  [this](const server::TickRecord& record, const server::Servo&) {
+                                    const auto was = recorded_.find(record.time);
+                                    const bool same =
+                                        was != recorded_.end() && was->second == outcome_of(record);
+                                    if (!same && !first_other_tick_)
+                                      first_other_tick_ = record.time;
+                                  });
   }
   /// When the first tick began that came out otherwise, s; also without an answer to anybody.
   const std::optional<double>& first_other_tick() const { return first_other_tick_; }
@@ -308,9 +310,11 @@ TEST_CASE("A session with shapes and a movable body replays bit for bit, its sce
   auto recording = server::Recording::open(session.path());
   REQUIRE(recording);
   std::size_t touching = 0;
-  const auto results = server::replay_offline(
-      *recording, session.options().servo, 0, nullptr,
-      [&](const server::TickRecord& record) { touching += record.active_contacts > 0 ? 1 : 0; });
+  const auto results =
+      server::replay_offline(*recording, session.options().servo, 0, nullptr,
+                             [&](const server::TickRecord& record, const server::Servo&) {
+                               touching += record.active_contacts > 0 ? 1 : 0;
+                             });
   REQUIRE(results.size() == 1);
   CHECK(results[0].compared > 60);
   CHECK(results[0].equal == results[0].compared);
@@ -329,7 +333,8 @@ TEST_CASE("A capture without notes brings a session with shapes back, too") {
     const auto device = server::with_hand_observer(
         std::make_unique<server::SimulatedDevice>(options.device, options.hand, dt),
         options.observer, dt);
-    return server::replay_offline(of, options.servo, 0, *device, [](const server::TickRecord&) {});
+    return server::replay_offline(of, options.servo, 0, *device,
+                                  [](const server::TickRecord&, const server::Servo&) {});
   };
   const server::OfflineResult same = replay(recorded[0]);
   CHECK(same.compared > 60);

@@ -435,7 +435,8 @@ TEST_CASE("A recorded session comes back bit for bit on the local model") {
 
   const auto replay = [&](const server::ServoOptions& servo) {
     server::SimulatedDevice device(options.device, options.hand, 1 / servo.rate);
-    return server::replay_offline(recorded[0], servo, 0, device, [](const TickRecord&) {});
+    return server::replay_offline(recorded[0], servo, 0, device,
+                                  [](const TickRecord&, const server::Servo&) {});
   };
   const server::OfflineResult same = replay(options.servo);
   CHECK(same.compared > 300);

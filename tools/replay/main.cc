@@ -1,5 +1,6 @@
 // haptic_replay: plays a recorded stream of contact packets, into a running server or offline.
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <deque>
 #include <iostream>
@@ -20,6 +21,7 @@
 #include "hlm/tools/replay/live_replay.h"
 #include "hlm/tools/replay/offline_replay.h"
 #include "hlm/tools/replay/recorded_session.h"
+#include "hlm/tools/replay/signal_stream.h"
 
 namespace hlm::server {
 namespace {
@@ -41,6 +43,9 @@ struct ReplayOptions {
   bool receipt = false;   ///< Offline too.
   bool simulate = false;  ///< Offline, the configured device instead of the recorded one.
   std::string ticks;      ///< Tick log to write, CSV; empty: none.
+  std::string
+      signals;  ///< Stream of signals and contacts to write; empty: none; "-": to standard output.
+  double late = 0;  ///< Offline, by how much later everything comes from the client, s.
   PhysicsOptions physics;
 };
 
@@ -65,12 +70,17 @@ class OfflineOutput {
  public:
   explicit OfflineOutput(const ReplayOptions& options)
       // Nobody else drains the log, so it must hold what comes between two drains.
-      : log_(options.ticks, 2, [](const TickRecord&) {}), with_receipt_(options.receipt) {}
+      : log_(options.ticks, 2, [](const TickRecord&) {}),
+        with_receipt_(options.receipt),
+        takes_output_(options.receipt || options.signals == "-") {
+    if (!options.signals.empty()) signals_.emplace(options.signals);
+  }
 
-  void observe(const TickRecord& record) {
+  void observe(const TickRecord& record, const Servo& servo) {
     if (stop_requested != 0) throw std::runtime_error("stopped by a signal");
     log_.record(record);
     log_.drain();
+    if (signals_) signals_->observe(record, servo);
     if (!with_receipt_ || record.step == 0) return;
     if (receipts_.empty() || receipts_.back().first != record.session) {
       receipts_.emplace_back(record.session, std::cout);
@@ -79,7 +89,7 @@ class OfflineOutput {
   }
 
   void report(const OfflineResult& result) const {
-    std::ostream& report = with_receipt_ ? std::cerr : std::cout;
+    std::ostream& report = takes_output_ ? std::cerr : std::cout;
     report << "replay of session " << std::hex << result.session << std::dec << ": " << result.steps
            << " steps, " << result.equal << " of " << result.compared
            << " acknowledged states equal bit for bit";
@@ -94,11 +104,16 @@ class OfflineOutput {
     }
   }
 
-  void close() { log_.close(); }
+  void close() {
+    log_.close();
+    if (signals_) signals_->close();
+  }
 
  private:
   TickLog log_;
+  std::optional<SignalStream> signals_;
   bool with_receipt_;
+  bool takes_output_;  ///< Standard output is not for reports.
   std::deque<std::pair<std::uint64_t, EnergyReceipt>> receipts_;  ///< Receipts by session.
 };
 
@@ -117,9 +132,10 @@ std::vector<OfflineResult> replay(Recording& recording, ReplayOptions& options,
   const Device& device = instead ? *instead : static_cast<const Device&>(recorded);
   suit_to(device, physics);  // The server did so, and said it.
   const std::uint64_t own = fingerprint(physics, device);
-  std::vector<OfflineResult> results =
-      replay_offline(recording, physics.servo, own, instead.get(),
-                     [&](const TickRecord& record) { output.observe(record); });
+  std::vector<OfflineResult> results = replay_offline(
+      recording, physics.servo, own, instead.get(),
+      [&](const TickRecord& record, const Servo& servo) { output.observe(record, servo); },
+      static_cast<std::uint64_t>(std::lround(options.late * physics.servo.rate)));
   for (const OfflineResult& result : results) warn_of_other_options(result.fingerprint, own);
   if (options.session == 0) return results;
   const auto index = static_cast<std::size_t>(options.session - 1);
@@ -131,6 +147,9 @@ std::vector<OfflineResult> replay(Recording& recording, ReplayOptions& options,
 std::vector<OfflineResult> replay_capture(ReplayOptions& options, OfflineOutput& output) {
   PhysicsOptions& physics = options.physics;
   const std::vector<RecordedSession> sessions = chosen_sessions(options);
+  if (options.late > 0) {
+    throw settings::UsageError("--late must be 0 with a capture that no server has recorded");
+  }
   warn(
       "no server has recorded this, so that only updates come as they came: a fade or a missed "
       "tick is not played. haptic_server --record keeps all");
@@ -140,8 +159,9 @@ std::vector<OfflineResult> replay_capture(ReplayOptions& options, OfflineOutput&
   std::vector<OfflineResult> results;
   for (const RecordedSession& session : sessions) {
     warn_of_other_options(session.welcome.fingerprint, own);
-    results.push_back(replay_offline(session, physics.servo, own, *device,
-                                     [&](const TickRecord& record) { output.observe(record); }));
+    results.push_back(replay_offline(
+        session, physics.servo, own, *device,
+        [&](const TickRecord& record, const Servo& servo) { output.observe(record, servo); }));
   }
   return results;
 }
@@ -262,6 +282,12 @@ void add_replay_options(settings::CommandLine& command_line, ReplayOptions& opti
   table.whole("session", options.session, {0, 1e6},
               "Which session of the capture, from 1; 0 is all");
   table.file("ticks", options.ticks, "Offline: write every tick's signals here, CSV");
+  table.file("signals", options.signals,
+             "Offline: write every tick's signals and contacts here for programs to read; - is "
+             "standard output");
+  table.number(
+      "late", options.late, {0, 10, "s"},
+      "Offline, of a server's recording: all that came from the client comes so much later");
   add_options(command_line, options.physics);
   // The server's own file says more than what shapes the physics.
   command_line.ignore_unknown_keys();

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <bit>
+#include <deque>
+#include <iterator>
 #include <memory>
 #include <unordered_map>
 
@@ -93,7 +95,7 @@ class Player {
                       .begin = tick.note.begin,
                       .missed = tick.note.missed,
                       .overruns = overruns_});
-    observe_(record);
+    observe_(record, *servo_);
     if (results_.empty()) return;
     results_.back().steps = std::max(results_.back().steps, record.step);
     results_.back().incomplete = tick.note.lost;
@@ -127,6 +129,43 @@ class Player {
   double rate_;  ///< Hz.
   std::uint64_t overruns_ = 0;
   std::vector<OfflineResult> results_;
+};
+
+/// What the client sent comes later than it came.
+class LateClient {
+ public:
+  explicit LateClient(std::uint64_t periods) : periods_(periods) {}
+
+  void delay(RecordedTick& tick) {
+    if (periods_ == 0) return;
+    under_way_.push_back({.due = tick.note.tick + periods_,
+                          .received = std::move(tick.received),
+                          .granted = std::move(tick.granted),
+                          .scene = tick.note.scene});
+    tick.received.clear();
+    tick.granted.reset();
+    tick.answers.clear();
+    while (!under_way_.empty() && under_way_.front().due <= tick.note.tick) {
+      Sent& sent = under_way_.front();
+      std::ranges::move(sent.received, std::back_inserter(tick.received));
+      if (sent.granted) tick.granted = std::move(sent.granted);
+      scene_ = sent.scene;
+      under_way_.pop_front();
+    }
+    tick.note.scene = scene_;
+  }
+
+ private:
+  struct Sent {
+    std::uint64_t due = 0;  ///< Tick.
+    std::vector<Datagram> received;
+    std::optional<GrantedSession> granted;
+    SceneExchange scene;
+  };
+
+  std::uint64_t periods_;
+  std::deque<Sent> under_way_;
+  SceneExchange scene_;  ///< In force.
 };
 
 /// The ticks of a session as the acknowledgements tell them.
@@ -200,12 +239,16 @@ class AcknowledgedTicks {
 
 std::vector<OfflineResult> replay_offline(Recording& recording, const ServoOptions& options,
                                           std::uint64_t fingerprint, Device* instead,
-                                          const ObserveTick& observe) {
+                                          const ObserveTick& observe, std::uint64_t late) {
   RecordedDevice recorded(recording.device());
   Player player(options, fingerprint, instead != nullptr ? *instead : recorded,
                 instead != nullptr ? nullptr : &recorded, observe);
+  LateClient client(late);
   RecordedTick tick;
-  while (recording.next(tick)) player.play(tick);
+  while (recording.next(tick)) {
+    client.delay(tick);
+    player.play(tick);
+  }
   return player.results();
 }
 

@@ -31,14 +31,16 @@ struct OfflineResult {
   std::string missing_scene = {};
 };
 
-using ObserveTick = std::function<void(const TickRecord&)>;
+/// The servo has just done that tick.
+using ObserveTick = std::function<void(const TickRecord&, const Servo&)>;
 
 /// Plays all that a server has recorded, tick by tick: every session that was granted, with fades,
 /// faults, floods, missed ticks and stops, on the device's recorded states or, if it is given,
-/// `instead` of the recorded device. `options` and `fingerprint` must be as in the recording.
+/// `instead` of the recorded device. `options` and `fingerprint` must be as in the recording. With
+/// `late` > 0 all that came from the client comes so many periods later, and nothing is compared.
 std::vector<OfflineResult> replay_offline(Recording& recording, const ServoOptions& options,
                                           std::uint64_t fingerprint, Device* instead,
-                                          const ObserveTick& observe);
+                                          const ObserveTick& observe, std::uint64_t late = 0);
 
 /// The same with what a client, or somebody between, has captured of one session: each update at
 /// the step that adopted it, as its acknowledgement says. What else decided a step is not in such a

@@ -9,19 +9,17 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "hlm/client/surroundings.h"
 #include "hlm/common/range.h"
-#include "hlm/haptic_server/report/tick_columns.h"
+#include "hlm/haptic_server/report/tick_numbers.h"
 #include "hlm/tools/virtual/virtual_server.h"
 
 namespace {
 
 using namespace hlm;
-using server::component;
 
 constexpr std::string_view kAddress = "virtual:";
 constexpr Range kTimes{0, 1e6, "s"};
@@ -106,47 +104,11 @@ server::VirtualServerOptions options_of(const char* const* arguments, std::size_
   return options;
 }
 
-/// What a tick's number stands for: "=WORD|WORD" of an enumeration, otherwise nothing.
-template <class Value>
-std::string words_of() {
-  std::string text;
-  if constexpr (std::is_enum_v<Value>) {
-    for (const auto& word : kWords<Value>) {
-      text += text.empty() ? '=' : '|';
-      text += word.name;
-    }
-  }
-  return text;
-}
-
-std::string columns() {
-  const server::TickRecord record;
-  std::string text;
-  server::visit_signals([&](std::string_view name, auto member, const auto& suffixes) {
-    using Value = std::decay_t<decltype(component(record.*member, 0))>;
-    for (const std::string_view suffix : suffixes) {
-      if (!text.empty()) text += ',';
-      text.append(name).append(suffix).append(words_of<Value>());
-    }
-  });
-  return text;
-}
-
-double* copy_tick(const server::TickRecord& record, double* to) {
-  server::visit_signals([&](std::string_view, auto member, const auto& suffixes) {
-    for (std::size_t i = 0; i < suffixes.size(); ++i) {
-      *to++ = static_cast<double>(component(record.*member, i));
-    }
-  });
-  return to;
-}
-
 }  // namespace
 
 struct haptic_virtual {
   explicit haptic_virtual(const server::VirtualServerOptions& options)
       : world(std::make_shared<VirtualWorld>(options)) {
-    for (const std::string& warning : world->server.warnings()) warnings += warning + '\n';
     const std::lock_guard lock(worlds_mutex);
     worlds[++last_world] = world;
     number = last_world;
@@ -162,7 +124,7 @@ struct haptic_virtual {
   std::shared_ptr<VirtualWorld> world;
   unsigned number = 0;
   std::string address;
-  std::string warnings;
+  mutable std::string warnings;  ///< As last asked for.
 };
 
 std::unique_ptr<Surroundings> hlm::surroundings_at(const std::string& address, double period) {
@@ -188,7 +150,12 @@ const char* haptic_virtual_address(const haptic_virtual* server) {
 }
 
 const char* haptic_virtual_warnings(const haptic_virtual* server) {
-  return server == nullptr ? "" : server->warnings.c_str();
+  if (server == nullptr) return "";
+  server->warnings.clear();
+  for (const std::string& warning : server->world->server.warnings()) {
+    server->warnings += warning + '\n';
+  }
+  return server->warnings.c_str();
 }
 
 double haptic_virtual_now(const haptic_virtual* server) {
@@ -222,7 +189,7 @@ int haptic_virtual_set_network(haptic_virtual* server, const haptic_network* net
 }
 
 const char* haptic_virtual_columns(void) {
-  static const std::string names = columns();
+  static const std::string names = server::tick_number_names();
   return names.c_str();
 }
 
@@ -238,7 +205,9 @@ std::size_t haptic_virtual_copy_ticks(const haptic_virtual* server, std::size_t 
   const std::size_t first = server->world->server.first_tick();
   if (begin < first || begin - first > ticks.size()) return 0;
   count = std::min(count, ticks.size() - (begin - first));
-  for (std::size_t i = 0; i < count; ++i) numbers = copy_tick(ticks[begin - first + i], numbers);
+  for (std::size_t i = 0; i < count; ++i) {
+    numbers = server::copy_numbers(ticks[begin - first + i], numbers);
+  }
   return count;
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,12 +16,14 @@
 #include "hlm/haptic_server/report/tick_record.h"
 #include "hlm/haptic_server/scene/loader.h"
 #include "hlm/protocol/server_session.h"
+#include "hlm/protocol/transport/capture.h"
 #include "hlm/protocol/transport/memory_network.h"
+#include "hlm/protocol/transport/recording_link.h"
 
 namespace hlm::server {
 
 struct VirtualServerOptions {
-  std::vector<std::string> arguments;  ///< haptic_server's, of physics and device.
+  std::vector<std::string> arguments;  ///< haptic_server's, of physics and device, and --record.
   protocol::LinkConditions network;
   std::uint64_t seed = 1;  ///< Of what the network does.
 };
@@ -31,6 +34,9 @@ class VirtualServer {
  public:
   /// Throws std::runtime_error or settings::UsageError, which name the option.
   explicit VirtualServer(const VirtualServerOptions& options);
+  ~VirtualServer() { write_recording(); }
+  VirtualServer(const VirtualServer&) = delete;
+  VirtualServer& operator=(const VirtualServer&) = delete;
 
   /// s, from 0.
   double now() const noexcept { return now_; }
@@ -43,7 +49,7 @@ class VirtualServer {
   /// The client's end of the network.
   protocol::DatagramLink& link() noexcept { return network_.client(); }
   protocol::MemoryNetwork& network() noexcept { return network_; }
-  /// What the server would warn of as it starts.
+  /// What the server would warn of as it starts, and a recording that it could not go on with.
   const std::vector<std::string>& warnings() const noexcept { return warnings_; }
 
   /// The latest kMostTicks ticks, of which the first is number first_tick().
@@ -53,10 +59,21 @@ class VirtualServer {
   static constexpr std::size_t kMostTicks = 120'000;
 
  private:
+  struct Arguments {
+    explicit Arguments(const std::vector<std::string>& given);
+    PhysicsOptions physics;
+    std::string record;
+  };
+  VirtualServer(const VirtualServerOptions& options, Arguments&& arguments);
+
+  protocol::DatagramLink& open_link(const std::string& record);
   void tick();
+  void write_recording();
 
   protocol::MemoryNetwork network_;
   std::vector<std::string> warnings_;
+  std::optional<protocol::CaptureWriter> recording_;  ///< Empty: none, or it has failed.
+  std::optional<protocol::RecordingLink> recorded_;   ///< Empty: none.
   std::unique_ptr<Device> device_;
   protocol::ServerSession session_;
   SceneLoader loader_;

@@ -102,7 +102,8 @@ OfflineResult replay(const std::filesystem::path& path, const ServoOptions& opti
   const std::vector<RecordedSession> sessions = read_sessions(path);
   REQUIRE(sessions.size() == 1);
   SimulatedDevice device = pushed_device();
-  return replay_offline(sessions[0], options, kConfiguration, device, [](const TickRecord&) {});
+  return replay_offline(sessions[0], options, kConfiguration, device,
+                        [](const TickRecord&, const Servo&) {});
 }
 
 /// Step that the acknowledgement of this update names.
@@ -115,12 +116,12 @@ TEST_CASE("A whole capture comes back bit for bit, every step observed once") {
   SimulatedDevice device = pushed_device();
   std::uint64_t step = 0;
   bool touched = false;
-  const OfflineResult result =
-      replay_offline(sessions.at(0), {}, kConfiguration, device, [&](const TickRecord& record) {
-        CHECK(record.step == ++step);
-        CHECK(record.session == 5);
-        touched |= record.active_contacts > 0;
-      });
+  const OfflineResult result = replay_offline(sessions.at(0), {}, kConfiguration, device,
+                                              [&](const TickRecord& record, const Servo&) {
+                                                CHECK(record.step == ++step);
+                                                CHECK(record.session == 5);
+                                                touched |= record.active_contacts > 0;
+                                              });
   CHECK(touched);
   CHECK(result.compared == kUpdates);
   CHECK(result.equal == kUpdates);
