@@ -519,6 +519,10 @@ double haptic_now(const haptic_session* session) {
   return session == nullptr || session->is_copy() ? 0 : session->surroundings->now();
 }
 
+std::uint64_t haptic_session_id(const haptic_session* session) {
+  return session == nullptr || session->is_copy() ? 0 : session->client->session_id();
+}
+
 int haptic_take_steps(haptic_session* session, double step) {
   return in_session(session, -1, [&] {
     refuse(find_error("step", step, kDuration));

@@ -349,6 +349,8 @@ HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
 /* The time of the session's clock, s, of any steady origin: the machine's, or that of a server in
  * virtual time (haptic_virtual.h). 0 without a session. */
 HAPTIC_API double haptic_now(const haptic_session* session);
+/* The number of the present session, as recordings have it; 0 without one. */
+HAPTIC_API uint64_t haptic_session_id(const haptic_session* session);
 /* How many steps of `step` seconds a real-time engine must take in the frame that begins, after
  * haptic_poll(). This makes up for late frames. 0: take, sample and send nothing in this frame;
  * -1 with haptic_error() if `step` is not > 0. */

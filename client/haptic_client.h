@@ -133,6 +133,8 @@ class HapticClient {
   void close(double now) { session_.close(now); }
 
   bool connected() const noexcept { return session_.active(); }
+  /// Number of the present session; 0 without one.
+  std::uint64_t session_id() const noexcept { return session_.id(); }
   /// Latest measured round trip without the server's hold, s; 0 before the first.
   double round_trip() const noexcept { return session_.round_trip(); }
   /// Simulated time, s: the sum of all periods.

@@ -87,6 +87,8 @@ class ClientSession {
   void set_initial_configuration(const Configuration& q) { options_.hello.q = q; }
 
   bool active() const noexcept { return active_; }
+  /// Number of the present session; 0 without one.
+  std::uint64_t id() const noexcept { return active_ ? id_ : 0; }
   /// The welcome of the present session, or of the latest.
   const Welcome& welcome() const noexcept { return welcome_; }
   /// Latest measured round trip without the server's hold, s; 0 before the first.

@@ -10,7 +10,7 @@ import sys
 import textwrap
 
 PACKAGE = "client/python/haptic_local_model"
-MODULES = {"haptic": "__init__.py", "haptic.mujoco": "mujoco.py", "haptic.shapes": "shapes.py", "haptic.virtual": "virtual.py"}
+MODULES = {"haptic": "__init__.py", "haptic.dataset": "dataset/__init__.py", "haptic.mujoco": "mujoco.py", "haptic.shapes": "shapes.py", "haptic.virtual": "virtual.py"}
 HEADERS = ("client/haptic.h",)
 
 

@@ -28,6 +28,7 @@ const MENU = {
     ['docs/live_page.md', 'Live page'],
     ['docs/options.md', 'Options'],
     ['docs/replay.md', 'Record and replay'],
+    ['docs/dataset.md', 'Data sets with forces'],
     ['docs/operations.md', 'Service and operation'],
     ['docs/troubleshooting.md', 'Tuning, troubleshooting'],
     ['docs/answers.md', 'Answers'],

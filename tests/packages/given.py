@@ -10,7 +10,7 @@ import unittest
 PROJECT = pathlib.Path(__file__).resolve().parents[2]
 SERVER, LIBRARY = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 PYTHON = PROJECT / "client/python"
-os.environ.update(HAPTIC_SERVER_PROGRAM=str(SERVER), HAPTIC_LIBRARY=str(LIBRARY), HAPTIC_SERVER="127.0.0.1:9",
+os.environ.update(HAPTIC_SERVER_PROGRAM=str(SERVER), HAPTIC_PROGRAMS=str(SERVER.parent), HAPTIC_LIBRARY=str(LIBRARY), HAPTIC_SERVER="127.0.0.1:9",
                   PYTHONPATH=str(PYTHON))
 sys.path[:0] = [str(PYTHON), str(PROJECT / "tests/support")]
 

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""The plug-in lerobot_teleoperator_haptic: LeRobot finds it by its name, and what its own loop records is what was felt.
+"""The plug-in lerobot_teleoperator_haptic: LeRobot finds it by its name, and what its own loop records is what was felt. And the
+data sets of haptic.dataset: LeRobot reads them, and a policy learns from them.
 
 Usage: lerobot_test.py HAPTIC_SERVER LIBHAPTIC [TEST …]
 """
@@ -35,11 +36,16 @@ def install(package):
 
 install("lerobot_teleoperator_haptic")
 
+import h5py  # noqa: E402
 import haptic_local_model as haptic  # noqa: E402
 import numpy as np  # noqa: E402
+import virtual_hand  # noqa: E402
 from hand_session import mean, push, reach, server  # noqa: E402
 from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402
-from lerobot.datasets.utils import hw_to_dataset_features  # noqa: E402
+from lerobot.datasets.utils import dataset_to_policy_features, hw_to_dataset_features  # noqa: E402
+from lerobot.policies.act.configuration_act import ACTConfig  # noqa: E402
+from lerobot.policies.act.modeling_act import ACTPolicy  # noqa: E402
+from lerobot.policies.factory import make_pre_post_processors  # noqa: E402
 from lerobot.processor import RobotProcessorPipeline, make_default_processors  # noqa: E402
 from lerobot.processor.converters import robot_action_observation_to_transition, transition_to_robot_action  # noqa: E402
 from lerobot.robots import Robot, RobotConfig  # noqa: E402
@@ -112,6 +118,69 @@ class Plugin(unittest.TestCase):
         with self.assertRaisesRegex(haptic.HapticError, "wrench"):
             made.send_feedback({"force.x": 0.0, "force.y": 0.0, "force.z": np.nan})
         made.disconnect()
+
+
+class Set(unittest.TestCase):
+    """What haptic.dataset makes of a recording, as LeRobot reads it."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(FOLDER.name) / "set"
+        recording, demonstrations = cls.folder / "run.pcap", cls.folder / "demonstrations"
+        cls.folder.mkdir()
+        with virtual_hand.server(reach(0.5, 0, 0.018) + push(5, 0, -2), "--record", str(recording), delay=0.02) as running:
+            with haptic.Session(tool=haptic.box(0.1, [0.04] * 3), q=(0, 0, 0.03, 1, 0, 0, 0), rate=60, gravity=(0, 0, 0)) as touch:
+                touch.offer([haptic.shapes.half_space(), haptic.shapes.box([0.04] * 3, haptic.TOOL_LINK)])
+                for outcome in ("success", "failure"):
+                    with touch.episode("press", demonstrations) as episode:
+                        for _ in range(120):
+                            touch.poll()
+                            touch.sample(touch.q, touch.v, 1 / 60)
+                            touch.send()
+                            touch.log(qpos=touch.q, camera=np.full((32, 48, 3), int(100 * running.now) % 256, np.uint8))
+                        getattr(episode, outcome)()
+        cls.given = [recording], [demonstrations]
+        haptic.dataset.convert(*cls.given, "lerobot", cls.folder / "lerobot", FPS, state=("force", "qpos"))
+        haptic.dataset.convert(*cls.given, "hdf5", cls.folder / "set.hdf5", FPS)
+
+    def test_it_is_read_back_as_it_is(self):
+        read = LeRobotDataset("local/set", root=self.folder / "lerobot", delta_timestamps={"observation.force": [-1 / FPS, 0]})
+        with h5py.File(self.folder / "set.hdf5") as file:
+            demos = [file["data"][name] for name in ("demo_0", "demo_1")]
+            self.assertEqual([demo.attrs["num_samples"] for demo in demos], list(read.meta.episodes["length"]))
+            frame, demo = read[40], demos[0]
+            for name in ("force_window", "force_peak", "impulse", "qpos"):
+                np.testing.assert_allclose(frame[f"observation.{name}"], demo[f"obs/{name}"][40], rtol=1e-6, atol=1e-9)
+            np.testing.assert_allclose(frame["observation.force"], demo["obs/force"][39:41], rtol=1e-6, atol=1e-9)
+            np.testing.assert_allclose(frame["action"], demo["actions"][40], rtol=1e-6)
+            np.testing.assert_allclose(frame["contact.force"], demo["contact/force"][40], rtol=1e-6)
+            np.testing.assert_allclose(frame["observation.images.camera"] * 255, np.moveaxis(demo["obs/camera"][40], -1, 0), atol=0.01)
+            np.testing.assert_allclose(frame["observation.state"][14:20], demo["obs/force"][40], rtol=1e-6, atol=1e-9)
+        self.assertEqual(frame["task"], "press")
+        self.assertEqual([bool(read[int(end) - 1]["next.success"]) for end in read.meta.episodes["dataset_to_index"]], [True, False])
+
+    def test_a_policy_takes_a_step_on_it(self):
+        read = LeRobotDataset("local/set", root=self.folder / "lerobot", delta_timestamps={"action": [i / FPS for i in range(8)]})
+        features = dataset_to_policy_features(read.meta.features)
+        config = ACTConfig(input_features={name: features[name] for name in ("observation.state", "observation.images.camera")},
+                           output_features={"action": features["action"]}, chunk_size=8, n_action_steps=8, device="cpu",
+                           pretrained_backbone_weights=None)
+        before, _ = make_pre_post_processors(config, dataset_stats=read.meta.stats)
+        batch = before(next(iter(torch.utils.data.DataLoader(read, batch_size=4))))
+        policy = ACTPolicy(config)
+        loss, _ = policy.forward(batch)
+        loss.backward()
+        self.assertTrue(torch.isfinite(loss))
+        self.assertTrue(all(torch.isfinite(each.grad).all() for each in policy.parameters() if each.grad is not None))
+
+    def test_episodes_of_different_streams_are_named(self):
+        other = shutil.copytree(self.given[1][0], self.folder / "other")
+        last = sorted(other.iterdir())[-1]
+        np.save(last / "camera.npy", np.zeros((120, 16, 48, 3), np.uint8))
+        with self.assertRaisesRegex(haptic.HapticError, r"0001: observation.images.camera is image \(16, 48, 3\), and image "
+                                    r"\(32, 48, 3\) in the first episode"):
+            haptic.dataset.convert(self.given[0], [other], "lerobot", self.folder / "no", FPS)
+        self.assertEqual(list(self.folder.glob("no*")), [])
 
 
 class Recording(unittest.TestCase):

@@ -25,22 +25,23 @@ import importlib
 import os
 import sys
 import types
-from typing import NoReturn, Optional, Sequence
+from typing import Any, Mapping, NoReturn, Optional, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from haptic_local_model import _arguments, _interrupt
 from haptic_local_model._arguments import HapticError
+from haptic_local_model._episodes import Episode, open_episode
 from haptic_local_model._frame import frame_of
 from haptic_local_model._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX_CONTACTS, MAX_DOF, MAX_POSES, NO_LIMIT, Curve, Drive,
                              Impulse, Link, Options, Shape, State, load, load_virtual)
 
-__all__ = ["BODY", "CONTACT", "Curve", "DYNAMICS", "Drive", "FRICTION_RULES", "HELD", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "NO_BODY", "NO_LIMIT", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
+__all__ = ["BODY", "CONTACT", "Curve", "DYNAMICS", "Drive", "Episode", "FRICTION_RULES", "HELD", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "NO_BODY", "NO_LIMIT", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
            "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "dynamics", "poses", "sphere"]
 
 __version__ = "0.4.0"
-_MODULES = ("demo", "drake", "isaacteleop", "mujoco", "newton", "pybullet", "robosuite", "shapes", "studio", "virtual")
+_MODULES = ("dataset", "demo", "drake", "isaacteleop", "mujoco", "newton", "pybullet", "robosuite", "shapes", "studio", "virtual")
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
 NO_BODY = 2**32 - 1  #: The parent of what hangs on the world.
 NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2
@@ -205,6 +206,7 @@ class Session:
                  gravity: Sequence[float] = (0, 0, 0), hand_link: int = 0, clears_fault: bool = True,
                  start_server: bool = True):
         self._session: Optional[ctypes.c_void_p] = None
+        self.recorded: Optional[Episode] = None            #: The episode that is open.
         named = os.environ.get("HAPTIC_SERVER") if server is None else server
         self._library = load_virtual() if str(named).startswith("virtual:") else load()
         options = self._library.haptic_default_options()
@@ -267,6 +269,8 @@ class Session:
     def close(self) -> None:
         """Says goodbye, and ends a server that the session started. What follows raises HapticError."""
         _interrupt.forget(self)
+        if self.recorded is not None:
+            self.recorded.close()
         if self._session:
             self._library.haptic_close(self._session)
         self._session = None
@@ -425,6 +429,8 @@ class Session:
         period = _arguments.number(period, "period")
         if self._library.haptic_sample(self._open(), q_now.ctypes.data, v_now.ctypes.data, period) != 0:
             self._fail()
+        if self.recorded is not None:
+            self.recorded.sampled()
 
     def track(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> np.ndarray:
         """Sets lasting identities, by pair, place on side a and normal, for an engine that has none.
@@ -460,7 +466,21 @@ class Session:
                                              *_arguments.records(bodies, BODY, "bodies"))
         if sequence < 0:
             self._fail()
+        if self.recorded is not None:
+            self.recorded.sent(self._library.haptic_session_id(self._open()), sequence)
         return int(sequence)
+
+    def episode(self, task: str, folder: str | os.PathLike[str] = "demonstrations", *, buttons: Optional[Mapping[int, str]] = None,
+                **about: Any) -> Episode:
+        """Begins an attempt at a task, whose marks and log() are kept in a folder of its own in `folder`: haptic.dataset makes a data set
+        of it and of the server's recording. buttons: what the device's buttons mark, by number: "success", "failure" or "discard".
+        about: what else is to be known of it, as JSON. Raises HapticError where it cannot be kept."""
+        return open_episode(self, task, folder, buttons, about)
+
+    def log(self, **values: Any) -> None:
+        """As Episode.log() of the episode that is open; without one nothing is kept."""
+        if self.recorded is not None:
+            self.recorded.log(**values)
 
     def _open(self) -> ctypes.c_void_p:
         if not self._session:

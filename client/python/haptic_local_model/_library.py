@@ -129,6 +129,7 @@ def _functions() -> Iterable[tuple[Any, ...]]:
         ("haptic_place", ctypes.c_int, session, address, _size),
         ("haptic_poll", None, session, address),
         ("haptic_now", _double, session),
+        ("haptic_session_id", ctypes.c_uint64, session),
         ("haptic_take_steps", ctypes.c_int, session, _double),
         ("haptic_take_held", _size, session, address),
         ("haptic_tool_pushes", ctypes.c_int, session),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 import functools
 import math
+import os
 import warnings
 from typing import Any, Collection, Iterable, Optional, Sequence, TypeVar
 
@@ -140,6 +141,14 @@ class EngineSession:
     def release(self) -> None:
         """The hand of hold() lets go."""
         self.touch.release()
+
+    def episode(self, task: str, folder: str | os.PathLike[str] = "demonstrations", **options: Any) -> haptic.Episode:
+        """As haptic.Session.episode()."""
+        return self.touch.episode(task, folder, **options)
+
+    def log(self, **values: Any) -> None:
+        """As haptic.Session.log()."""
+        self.touch.log(**values)
 
 
 class WorldSession(EngineSession, abc.ABC):

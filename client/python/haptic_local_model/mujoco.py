@@ -33,6 +33,7 @@ says what of a model is approximated or ignored, and which bodies the server hol
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import warnings
 from typing import Any, Callable, Optional, Sequence
@@ -51,6 +52,7 @@ from haptic_local_model._mujoco_gripper import Gripper
 from haptic_local_model._mujoco_watch import Watch
 from haptic_local_model._world import EngineSession, Frames, NearBodies
 
+_BODY = 1  # mjOBJ_BODY
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
 _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther away
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
@@ -173,6 +175,11 @@ class Session(EngineSession):
         if not isinstance(self._tool, Gripper):
             raise haptic.HapticError("the session's tool must be a gripper")
         return self._tool
+
+    def episode(self, task: str, folder: str | os.PathLike[str] = "demonstrations", **options: Any) -> haptic.Episode:
+        """As haptic.Session.episode(); it also knows the names of the model's bodies."""
+        names = {body: self._binding.mj_id2name(self._model, _BODY, body) or f"body {body}" for body in range(1, self._model.nbody)}
+        return super().episode(task, folder, bodies=names, **options)
 
     def check(self) -> list[Finding]:
         """What of the model is approximated or ignored, and which bodies the server can hold; as check()."""

@@ -1,0 +1,215 @@
+"""Demonstrations as they are made: marks, and what the engine knew, beside the server's recording.
+
+An episode is a folder: episode.json, of each stream NAME.npy with its rows and NAME.time.npy with the session's time of each, s,
+and updates.npy, which says when what was sent to the server held, so that the recording's ticks and these rows have one clock.
+Until it has ended its name ends in ".part"."""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import time
+import warnings
+from typing import TYPE_CHECKING, Any, BinaryIO, Mapping, Optional
+
+import numpy as np
+
+from haptic_local_model import _arguments
+from haptic_local_model._arguments import HapticError
+
+if TYPE_CHECKING:
+    import haptic_local_model as haptic
+
+OUTCOMES = ("success", "failure", "discard")
+UPDATE = np.dtype([("session", "<u8"), ("sequence", "<u8"), ("sampled", "<f8")])
+_HEADER = 256  # bytes of a file of numpy before its rows
+_MOST_BYTES = 2**31
+
+
+class _Rows:
+    """A file of numpy that grows."""
+
+    def __init__(self, path: pathlib.Path, dtype: np.dtype, shape: tuple[int, ...]):
+        self.dtype, self.shape, self.count = dtype, shape, 0
+        self._file: BinaryIO = open(path, "xb", buffering=1 << 18)  # pylint: disable=consider-using-with
+        self._file.write(self._header())
+
+    def _header(self) -> bytes:
+        kind = self.dtype.descr if self.dtype.names else self.dtype.str
+        text = repr({"descr": kind, "fortran_order": False, "shape": (self.count, *self.shape)}).encode("latin1")
+        return b"\x93NUMPY\x01\x00" + (_HEADER - 10).to_bytes(2, "little") + text.ljust(_HEADER - 11) + b"\n"
+
+    def append(self, row: np.ndarray) -> None:
+        self._file.write(row.tobytes())
+        self.count += 1
+
+    def close(self) -> None:
+        with self._file:
+            self._file.flush()
+            self._file.seek(0)
+            self._file.write(self._header())
+
+
+class Episode:
+    """One attempt at a task, in a `with` block, in which the session's loop runs:
+
+        with touch.episode("insert the peg", folder="demonstrations") as episode:
+            while episode.running:
+                ...
+                touch.send(data)
+                touch.log(qpos=data.qpos, image=renderer.render())
+            episode.success()
+
+    An exception ends it as "interrupted"; an episode without a mark is "unmarked". A disk that is full ends it, with a warning:
+    the session goes on."""
+
+    def __init__(self, touch: "haptic.Session", task: str, folder: str | os.PathLike[str], buttons: Mapping[int, str],
+                 about: Mapping[str, Any]):
+        self._touch, self._failure = touch, ""
+        self._buttons = {_arguments.integer(button, "button", 0, 31): _arguments.choice(outcome, OUTCOMES, "outcome")
+                         for button, outcome in buttons.items()}
+        self._down = touch.state.buttons
+        self._about = {"task": os.fsdecode(_arguments.text(task, "task")), **about}
+        self.outcome = "unmarked"  #: Or "success", "failure", "discard".
+        self._streams: dict[str, tuple[_Rows, _Rows]] = {}
+        self._sampled = touch.now
+        self.path = _make_folder(pathlib.Path(folder))  #: Of the episode, which moves when it has ended.
+        try:
+            self._describe("")
+        except TypeError as error:
+            self._remove()
+            raise HapticError(f"what is said of an episode must be JSON: {error}") from None
+        self._updates = self._open("updates", UPDATE, ())
+
+    def __enter__(self) -> "Episode":
+        return self
+
+    def __exit__(self, kind: Any, *_: Any) -> None:
+        if kind is not None and self.outcome == "unmarked":
+            self.outcome = "interrupted"
+        self.close()
+
+    @property
+    def running(self) -> bool:
+        """Until it has a mark, by a button of the device or a call, and while the session runs."""
+        return self.outcome == "unmarked" and not self._failure and self._touch.running
+
+    def success(self) -> None:
+        self.outcome = "success"
+
+    def failure(self) -> None:
+        self.outcome = "failure"
+
+    def discard(self) -> None:
+        """Nothing of it is kept."""
+        self.outcome = "discard"
+
+    def log(self, **values: Any) -> None:
+        """A row of each of these streams, numbers or arrays of numbers, that holds now."""
+        now = self._touch.now
+        rows = {name: self._row(name, value) for name, value in values.items()}
+        try:
+            for name, row in rows.items():
+                if name not in self._streams:
+                    self._streams[name] = (self._open(name, row.dtype, row.shape), self._open(name + ".time", np.dtype("<f8"), ()))
+                of_stream, times = self._streams[name]
+                of_stream.append(row)
+                times.append(np.array(now, "<f8"))
+        except OSError as error:
+            self._fail(error)
+
+    def sampled(self) -> None:
+        """The session has sampled the tool."""
+        self._sampled = self._touch.now
+
+    def sent(self, session: int, sequence: int) -> None:
+        """And sent what it found there."""
+        pressed, self._down = self._touch.state.buttons & ~self._down, self._touch.state.buttons
+        for button, outcome in self._buttons.items():
+            if pressed >> button & 1 and self.outcome == "unmarked":
+                self.outcome = outcome
+        if sequence == 0 or self._failure:
+            return
+        try:
+            self._updates.append(np.array((session, sequence, self._sampled), UPDATE))
+        except OSError as error:
+            self._fail(error)
+
+    def close(self) -> None:
+        """As the `with` block does."""
+        if self._touch.recorded is not self:
+            return
+        self._touch.recorded = None
+        for rows in (self._updates, *(rows for pair in self._streams.values() for rows in pair)):
+            try:
+                rows.close()
+            except OSError as error:
+                self._fail(error)
+        try:
+            if self._failure:
+                return
+            if self.outcome == "discard":
+                return self._remove()
+            self._describe(self.outcome)
+            self.path = self.path.rename(self.path.with_suffix(""))
+        except OSError as error:
+            self._fail(error)
+
+    def _row(self, name: str, value: Any) -> np.ndarray:
+        if not name.isidentifier() or name == "updates":
+            raise HapticError(f"stream {name!r} must have an identifier as its name, and not 'updates'")
+        row = np.asarray(value)
+        if row.dtype.kind not in "buif" or row.nbytes > _MOST_BYTES:
+            raise HapticError(f"{name} must be numbers, not {_arguments.brief(value)}")
+        row = row.astype(row.dtype.newbyteorder("<"), copy=False)
+        if name in self._streams:
+            of_stream = self._streams[name][0]
+            if of_stream.shape != row.shape:
+                raise HapticError(f"{name} has the shape {row.shape}, and had {of_stream.shape} before in this episode")
+            row = row.astype(of_stream.dtype, copy=False)
+        return row
+
+    def _open(self, name: str, dtype: np.dtype, shape: tuple[int, ...]) -> _Rows:
+        return _Rows(self.path / f"{name}.npy", dtype, shape)
+
+    def _describe(self, outcome: str) -> None:
+        facts = {"format": 1, **self._about, "outcome": outcome, "wall_clock": time.time(), "session_clock": self._touch.now,
+                 "servo_rate": self._touch.state.servo_rate, "streams": sorted(self._streams)}
+        (self.path / "episode.json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
+
+    def _fail(self, error: OSError) -> None:
+        if not self._failure:
+            self._failure = str(error)
+            warnings.warn(f"{self.path}: {error}; the episode ends here, and keeps that name", stacklevel=4)
+
+    def _remove(self) -> None:
+        for file in self.path.iterdir():
+            file.unlink()
+        self.path.rmdir()
+
+
+def _make_folder(inside: pathlib.Path) -> pathlib.Path:
+    """Of an episode that begins."""
+    stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
+    for number in range(10_000):
+        path = inside / f"{stamp}_{number:04d}.part"
+        if path.with_suffix("").exists():
+            continue
+        try:
+            path.mkdir(parents=True)
+            return path
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise HapticError(f"no episode can be kept in {inside}: {error}") from None
+    raise HapticError(f"no episode can be kept in {inside}: there are 10,000 of this second")
+
+
+def open_episode(touch: "haptic.Session", task: str, folder: str | os.PathLike[str], buttons: Optional[Mapping[int, str]],
+                 about: Mapping[str, Any]) -> Episode:
+    """Raises HapticError where one is open, or cannot be kept."""
+    if touch.recorded is not None:
+        raise HapticError(f"the episode {touch.recorded.path.name} must end before another begins")
+    touch.recorded = Episode(touch, task, folder, buttons or {}, about)
+    return touch.recorded

@@ -1,0 +1,88 @@
+"""A server's recording as numbers: every tick's signals, and the contacts that pushed the tool in it."""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import tempfile
+from typing import IO, Iterator, NamedTuple, Sequence
+
+import numpy as np
+
+from haptic_local_model import HapticError
+from haptic_local_model._programs import program
+
+_DIFFERS = 3  # the exit code of haptic_replay
+
+
+class Block(NamedTuple):
+    """Consecutive ticks. `contacts` are sorted by them: each tick says in "contacts" how many are its own."""
+    ticks: np.ndarray
+    contacts: np.ndarray
+
+
+def blocks(recording: str | os.PathLike[str], options: Sequence[str] = (), compares: bool = True) -> Iterator[Block]:
+    """All of a recording, played again by haptic_replay with those options of the server. compares: they must be the recorded
+    ones. Raises HapticError where it cannot be played, or not bit for bit."""
+    file = os.fspath(recording)
+    if not pathlib.Path(file).is_file():
+        raise HapticError(f"recording {file!r} must be a file that haptic_server --record has written")
+    with _unpacked(file) as unpacked, tempfile.TemporaryFile() as errors:
+        command = [program("haptic_replay"), unpacked, "--offline", "--signals", "-", *options]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as process:
+            assert process.stdout
+            try:
+                yield from _read(process.stdout)
+            except BaseException:
+                process.kill()
+                raise
+        errors.seek(0)
+        said = errors.read().decode(errors="replace")
+    if process.returncode == _DIFFERS and not compares:
+        return
+    if process.returncode == _DIFFERS:
+        raise HapticError(f"{file} was recorded with other options: give the server's, as --config FILE or one by one, after --")
+    if process.returncode != 0:
+        raise HapticError(f"{file}: {_last_line(said)}")
+
+
+@contextlib.contextmanager
+def _unpacked(file: str) -> Iterator[str]:
+    """The recording itself, of one that gzip has packed, too."""
+    if not file.endswith(".gz"):
+        yield file
+        return
+    with tempfile.NamedTemporaryFile(suffix=".pcap") as unpacked:
+        try:
+            with gzip.open(file) as packed:
+                shutil.copyfileobj(packed, unpacked, 1 << 20)
+            unpacked.flush()
+        except (OSError, EOFError) as error:
+            raise HapticError(f"{file} cannot be unpacked: {error}") from None
+        yield unpacked.name
+
+
+def _last_line(said: str) -> str:
+    lines = [line for line in said.splitlines() if line.strip()]
+    return lines[-1].removeprefix("haptic_replay: ") if lines else "haptic_replay said nothing"
+
+
+def _read(stream: IO[bytes]) -> Iterator[Block]:
+    line = stream.readline()
+    if not line.endswith(b"\n"):
+        return  # The program has ended, and says why.
+    fields = json.loads(line)
+    kinds = [np.dtype([tuple(field) for field in fields[name]]) for name in ("ticks", "contacts")]
+    while len(counts := stream.read(8)) == 8:
+        parts = []
+        for kind, count in zip(kinds, np.frombuffer(counts, "<u4")):
+            data = stream.read(kind.itemsize * int(count))
+            if len(data) < kind.itemsize * int(count):
+                return
+            parts.append(np.frombuffer(data, kind))
+        yield Block(*parts)
