@@ -11,7 +11,7 @@ import numpy as np
 from haptic_local_model.dataset._frames import Field, Frames
 from haptic_local_model.dataset._optional import require
 
-_COMPRESSED = {"compression": "lzf", "shuffle": True}
+_COMPRESSED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
 def write(frames: Iterable[Frames], path: pathlib.Path, fields: Mapping[str, Field], about: dict[str, Any]) -> None:
