@@ -302,7 +302,8 @@ HAPTIC_API haptic_session* haptic_open(const haptic_options* options, char* erro
  * started none. haptic_hold() moves its hand. It ends when the session, the process (even by a
  * crash) or the thread that called haptic_open() ends, so that thread should last. It is a child of
  * the process, which should wait for other children by their ids. It is the program that
- * HAPTIC_SERVER_PROGRAM names, or haptic_server beside this library or in PATH. */
+ * HAPTIC_SERVER_PROGRAM names, or haptic_server beside this library or in PATH, and it records to
+ * the file that HAPTIC_RECORD names, if it does. */
 HAPTIC_API const char* haptic_own_server(const haptic_session* session);
 /* Starts a program that serves the page of this session to browsers on this machine, with the
  * offered shapes, contacts, forces and charts; the mouse is the hand of a simulated device. It ends

@@ -67,6 +67,9 @@ std::vector<std::string> command(const OwnServerOptions& options, const std::str
   if (!options.key_file.empty()) {
     arguments.insert(arguments.end(), {"--key-file", options.key_file});
   }
+  if (const char* const file = variable("HAPTIC_RECORD")) {
+    arguments.insert(arguments.end(), {"--record", file});
+  }
   return arguments;
 }
 

@@ -26,8 +26,8 @@ struct OwnServerOptions {
 class OwnServer {
  public:
   /// Starts it at a free port of this machine. The program is what HAPTIC_SERVER_PROGRAM names, or
-  /// haptic_server next to this library or in PATH. Throws std::runtime_error that says where it
-  /// was looked for, or why it cannot be started.
+  /// haptic_server next to this library or in PATH; it records to what HAPTIC_RECORD names. Throws
+  /// std::runtime_error that says where it was looked for, or why it cannot be started.
   explicit OwnServer(const OwnServerOptions& options = {});
   /// Where it listens.
   const protocol::Endpoint& endpoint() const noexcept { return endpoint_; }

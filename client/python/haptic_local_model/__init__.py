@@ -192,7 +192,8 @@ class Session:
 
     server: "HOST:PORT". Without it, what HAPTIC_SERVER names or 127.0.0.1:47800; and where none listens there and
     start_server allows it, one with a simulated device is started at a free port, for this session alone. It ends with the
-    session, with the program, or with the thread that made the session, which should last. hold() is its hand.
+    session, with the program, or with the thread that made the session, which should last. hold() is its hand. It records to the file
+    that HAPTIC_RECORD names, if it does.
 
     tool: the root link, or all links, parents before children. curves: of its guided and following links. q: where the tool is now (default: all
     zero, quaternion w = 1). rate: of your steps, Hz. epsilon: contacts are sent from this separation

@@ -102,6 +102,17 @@ class Started(unittest.TestCase):
             self.assert_ends(self.started(process))
             self.assertEqual(process.wait(PATIENCE), 0)
 
+    def test_it_records_where_it_is_told_to(self):
+        with tempfile.TemporaryDirectory() as folder:
+            recording = pathlib.Path(folder) / "run.pcap"
+            with client(at_last='if touch.server_state == "active": break', HAPTIC_RECORD=str(recording)) as process:
+                self.started(process)
+                self.assertEqual(process.wait(PATIENCE), 0)
+            replay = subprocess.run([SERVER.parent / "haptic_replay", recording, "--offline"], stdout=subprocess.PIPE, text=True,
+                                    timeout=PATIENCE)
+        self.assertRegex(replay.stdout, r"(\d+) of \1 acknowledged states equal bit for bit")
+        self.assertEqual(replay.returncode, 0)
+
     def test_it_ends_with_an_exception(self):
         with client(at_last='if touch.server_state == "active": raise RuntimeError') as process:
             self.assert_ends(self.started(process))
