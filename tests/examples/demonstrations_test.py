@@ -24,7 +24,7 @@ with tempfile.TemporaryDirectory() as folder:
     about = json.loads((made / "push.hdf5.json").read_text())
     outcomes = [each["outcome"] for each in about["episodes"]]
     assert outcomes.count("success") == 7 and outcomes.count("failure") == 3, outcomes
-    brick = {each["id"] for each in about["contacts"] if each["b_name"] == "brick"}
+    brick = {each["id"] for each in about["contacts"] if each["b"] == "brick"}
     with h5py.File(made / "push.hdf5") as file:
         of_brick = []
         for name, demo in file["data"].items():

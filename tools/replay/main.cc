@@ -63,6 +63,14 @@ std::vector<RecordedSession> chosen_sessions(const ReplayOptions& options) {
   return {sessions[index]};
 }
 
+/// Throws settings::UsageError.
+void refuse_without_offline(const ReplayOptions& options) {
+  if (options.offline || options.receipt) return;
+  if (!options.signals.empty())
+    throw settings::UsageError("--signals " + options.signals + " needs --offline");
+  if (options.late > 0) throw settings::UsageError("--late needs --offline");
+}
+
 void warn(const std::string& text) { std::cerr << "haptic_replay: warning: " << text << '\n'; }
 
 /// Where an offline replay's ticks go.
@@ -73,7 +81,7 @@ class OfflineOutput {
       : log_(options.ticks, 2, [](const TickRecord&) {}),
         with_receipt_(options.receipt),
         takes_output_(options.receipt || options.signals == "-") {
-    if (!options.signals.empty()) signals_.emplace(options.signals);
+    if (!options.signals.empty()) signals_.emplace(options.signals, 1 / options.physics.servo.rate);
   }
 
   void observe(const TickRecord& record, const Servo& servo) {
@@ -122,6 +130,15 @@ void warn_of_other_options(std::uint64_t recorded, std::uint64_t own) {
   warn("the session was recorded with other options than these: give the server's with --config");
 }
 
+/// Throws settings::UsageError.
+std::uint64_t late_periods(const ReplayOptions& options) {
+  const double periods = options.late * options.physics.servo.rate;
+  const double whole = std::round(periods);
+  if (std::abs(periods - whole) < 1e-6) return static_cast<std::uint64_t>(whole);
+  throw settings::UsageError(fmt::format("--late {} must be whole periods of the loop, {} s each",
+                                         options.late, 1 / options.physics.servo.rate));
+}
+
 /// What haptic_server --record has written, with the device as it was.
 std::vector<OfflineResult> replay(Recording& recording, ReplayOptions& options,
                                   OfflineOutput& output) {
@@ -135,7 +152,7 @@ std::vector<OfflineResult> replay(Recording& recording, ReplayOptions& options,
   std::vector<OfflineResult> results = replay_offline(
       recording, physics.servo, own, instead.get(),
       [&](const TickRecord& record, const Servo& servo) { output.observe(record, servo); },
-      static_cast<std::uint64_t>(std::lround(options.late * physics.servo.rate)));
+      late_periods(options));
   for (const OfflineResult& result : results) warn_of_other_options(result.fingerprint, own);
   if (options.session == 0) return results;
   const auto index = static_cast<std::size_t>(options.session - 1);
@@ -309,7 +326,10 @@ int main(int argc, char** argv) {
   server::add_replay_options(command_line, options);
   return server::run_program(
       "haptic_replay", command_line, options.physics, argc, argv,
-      [&] { server::check(options.physics); },
+      [&] {
+        server::check(options.physics);
+        server::refuse_without_offline(options);
+      },
       [&] {
         server::handle_signals([](int) { server::stop_requested = 1; });
         const bool same = options.offline || options.receipt ? server::run_offline(options)

@@ -1,12 +1,14 @@
 #include "hlm/tools/replay/signal_stream.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <iostream>
-#include <ranges>
 #include <stdexcept>
 #include <string_view>
 #include <type_traits>
+
+#include <spdlog/fmt/fmt.h>
 
 #include "hlm/haptic_server/report/tick_numbers.h"
 
@@ -52,8 +54,9 @@ void add_field(std::string& fields, std::string_view name, std::string_view type
 
 /// `names`: of tick_number_names(), of which the words go to `words`.
 void add_numbers(std::string_view names, std::string& fields, std::string& words) {
-  for (const auto part : std::views::split(names, ',')) {
-    const std::string_view column(part.begin(), part.end());
+  while (!names.empty()) {
+    const std::string_view column = names.substr(0, names.find(','));
+    names.remove_prefix(std::min(names.size(), column.size() + 1));
     const std::size_t end = column.find('=');
     add_field(fields, column.substr(0, end), "<f8");
     if (end == std::string_view::npos) continue;
@@ -63,15 +66,15 @@ void add_numbers(std::string_view names, std::string& fields, std::string& words
   }
 }
 
-std::string description() {
+std::string description(double period) {
   std::string ticks;
   std::string contacts;
   std::string words;
   visit_extra({}, 0, [&](auto name, auto type, auto) { add_field(ticks, name, type); });
   add_numbers(tick_number_names(), ticks, words);
   visit_contact({}, [&](auto name, auto type, auto) { add_field(contacts, name, type); });
-  return "{\"ticks\": " + ticks + "], \"contacts\": " + contacts + "], \"words\": {" + words +
-         "}}\n";
+  return "{\"period_s\": " + fmt::format("{}", period) + ", \"ticks\": " + ticks +
+         "], \"contacts\": " + contacts + "], \"words\": {" + words + "}}\n";
 }
 
 template <class Value>
@@ -84,12 +87,12 @@ bool is_loaded(const LocalContact& contact) { return !contact.latest.f_W.isZero(
 
 }  // namespace
 
-SignalStream::SignalStream(const std::string& file)
+SignalStream::SignalStream(const std::string& file, double period)
     : name_(file == "-" ? "standard output" : file),
       out_(file == "-" ? std::cout : file_),
       numbers_(tick_number_count()) {
   if (file != "-") file_.open(file, std::ios::binary | std::ios::trunc);
-  const std::string line = description();
+  const std::string line = description(period);
   write(line.data(), line.size());
 }
 
@@ -113,7 +116,7 @@ void SignalStream::observe(const TickRecord& record, const Servo& servo) {
 void SignalStream::close() {
   if (tick_count_ > 0) write_block();
   out_.flush();
-  write(nullptr, 0);
+  check();
 }
 
 void SignalStream::write_block() {
@@ -128,6 +131,10 @@ void SignalStream::write_block() {
 
 void SignalStream::write(const char* data, std::size_t size) {
   out_.write(data, static_cast<std::streamsize>(size));
+  check();
+}
+
+void SignalStream::check() const {
   if (!out_) throw std::runtime_error(name_ + " cannot be written");
 }
 

@@ -12,16 +12,17 @@
 
 namespace hlm::server {
 
-/// The stream is a line that describes it, JSON, and blocks until its end. The line has under
-/// "ticks" and "contacts" the fields of the two kinds of records, [name, type] each, with types as
-/// numpy writes them, and under "words" what the numbers of some fields stand for. A block is two
-/// u32, how many ticks and contacts it has, the ticks' records, and those of their contacts, of
-/// which each tick says how many are its own. Everything is little-endian and without gaps.
+/// The stream is a line that describes it, JSON, and blocks until its end. The line has the loop's
+/// "period_s", and under "ticks" and "contacts" the fields of the two kinds of records, [name,
+/// type] each, with types as numpy writes them, and under "words" what the numbers of some fields
+/// stand for. A block is two u32, how many ticks and contacts it has, the ticks' records, and those
+/// of their contacts, of which each tick says how many are its own. Everything is little-endian and
+/// without gaps.
 class SignalStream {
  public:
-  /// file: "-" is standard output. Throws std::runtime_error naming the file if it cannot be
-  /// written.
-  explicit SignalStream(const std::string& file);
+  /// file: "-" is standard output. period: of the loop, s. Throws std::runtime_error naming the
+  /// file if it cannot be written.
+  SignalStream(const std::string& file, double period);
 
   /// A tick that the servo has just done. Throws std::runtime_error naming the file if a block
   /// cannot be written.
@@ -32,6 +33,7 @@ class SignalStream {
  private:
   void write_block();
   void write(const char* data, std::size_t size);
+  void check() const;
 
   std::string name_;
   std::ofstream file_;

@@ -38,7 +38,8 @@ HAPTIC_API haptic_virtual* haptic_virtual_open(const char* const* arguments, siz
                                                size_t error_size);
 /* For haptic_options, "virtual:N"; one session at a time. */
 HAPTIC_API const char* haptic_virtual_address(const haptic_virtual* server);
-/* What haptic_server would warn of as it starts, in lines; "" if nothing. */
+/* What haptic_server would warn of as it starts, and a recording that could not go on, in lines; ""
+ * if nothing. Until the next call. */
 HAPTIC_API const char* haptic_virtual_warnings(const haptic_virtual* server);
 /* s, from 0. */
 HAPTIC_API double haptic_virtual_now(const haptic_virtual* server);

@@ -6,6 +6,7 @@ Until it has ended its name ends in ".part"."""
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import pathlib
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 OUTCOMES = ("success", "failure", "discard")
 UPDATE = np.dtype([("session", "<u8"), ("sequence", "<u8"), ("sampled", "<f8")])
+#: What streams may not be called, as data sets have fields of these names, and those that begin with "tick_".
+RESERVED = ("updates", "state", "force", "force_peak", "force_window", "impulse")
 _HEADER = 256  # bytes of a file of numpy before its rows
 _MOST_BYTES = 2**31
 
@@ -46,7 +49,6 @@ class _Rows:
 
     def close(self) -> None:
         with self._file:
-            self._file.flush()
             self._file.seek(0)
             self._file.write(self._header())
 
@@ -59,10 +61,11 @@ class Episode:
                 ...
                 touch.send(data)
                 touch.log(qpos=data.qpos, image=renderer.render())
-            episode.success()
+            if episode.running:
+                episode.success()
 
-    An exception ends it as "interrupted"; an episode without a mark is "unmarked". A disk that is full ends it, with a warning:
-    the session goes on."""
+    The first mark stands. An exception makes it "interrupted"; an episode without a mark is "unmarked". A disk that is full ends it,
+    with a warning: the session goes on."""
 
     def __init__(self, touch: "haptic.Session", task: str, folder: str | os.PathLike[str], buttons: Mapping[int, str],
                  about: Mapping[str, Any]):
@@ -70,24 +73,27 @@ class Episode:
         self._buttons = {_arguments.integer(button, "button", 0, 31): _arguments.choice(outcome, OUTCOMES, "outcome")
                          for button, outcome in buttons.items()}
         self._down = touch.state.buttons
-        self._about = {"task": os.fsdecode(_arguments.text(task, "task")), **about}
-        self.outcome = "unmarked"  #: Or "success", "failure", "discard".
+        self._task, self._about = os.fsdecode(_arguments.text(task, "task")), dict(about)
+        self.bodies: dict[int, str] = {}  #: Names of the engine's bodies, by the numbers that are sent.
+        self.outcome = "unmarked"  #: Or "success", "failure", "discard", "interrupted".
         self._streams: dict[str, tuple[_Rows, _Rows]] = {}
         self._sampled = touch.now
-        self.path = _make_folder(pathlib.Path(folder))  #: Of the episode, which moves when it has ended.
+        place = pathlib.Path(os.fsdecode(_arguments.text(folder, "folder"))).absolute()
+        self.path = _make_folder(place)  #: Of the episode, which moves when it has ended.
         try:
-            self._describe("")
-        except TypeError as error:
+            self._describe()
+            self._updates = self._open("updates", UPDATE, ())
+        except (TypeError, ValueError, OSError) as error:
             self._remove()
-            raise HapticError(f"what is said of an episode must be JSON: {error}") from None
-        self._updates = self._open("updates", UPDATE, ())
+            raise HapticError(f"no episode can be kept in {place}: {error}" if isinstance(error, OSError) else
+                              f"what is said of an episode must be JSON: {error}") from None
 
     def __enter__(self) -> "Episode":
         return self
 
     def __exit__(self, kind: Any, *_: Any) -> None:
-        if kind is not None and self.outcome == "unmarked":
-            self.outcome = "interrupted"
+        if kind is not None:
+            self._mark("interrupted")
         self.close()
 
     @property
@@ -96,26 +102,32 @@ class Episode:
         return self.outcome == "unmarked" and not self._failure and self._touch.running
 
     def success(self) -> None:
-        self.outcome = "success"
+        self._require_open()
+        self._mark("success")
 
     def failure(self) -> None:
-        self.outcome = "failure"
+        self._require_open()
+        self._mark("failure")
 
     def discard(self) -> None:
-        """Nothing of it is kept."""
+        """Nothing of it is kept, whatever mark it has."""
+        self._require_open()
         self.outcome = "discard"
 
-    def log(self, **values: Any) -> None:
+    def log(self, /, **values: Any) -> None:
         """A row of each of these streams, numbers or arrays of numbers, that holds now."""
-        now = self._touch.now
+        self._require_open()
+        if self._failure:
+            return
+        now = np.array(self._touch.now, "<f8")
         rows = {name: self._row(name, value) for name, value in values.items()}
         try:
             for name, row in rows.items():
                 if name not in self._streams:
-                    self._streams[name] = (self._open(name, row.dtype, row.shape), self._open(name + ".time", np.dtype("<f8"), ()))
+                    self._streams[name] = (self._open(name, row.dtype, row.shape), self._open(name + ".time", now.dtype, ()))
                 of_stream, times = self._streams[name]
                 of_stream.append(row)
-                times.append(np.array(now, "<f8"))
+                times.append(now)
         except OSError as error:
             self._fail(error)
 
@@ -127,8 +139,8 @@ class Episode:
         """And sent what it found there."""
         pressed, self._down = self._touch.state.buttons & ~self._down, self._touch.state.buttons
         for button, outcome in self._buttons.items():
-            if pressed >> button & 1 and self.outcome == "unmarked":
-                self.outcome = outcome
+            if pressed >> button & 1:
+                self._mark(outcome)
         if sequence == 0 or self._failure:
             return
         try:
@@ -141,42 +153,61 @@ class Episode:
         if self._touch.recorded is not self:
             return
         self._touch.recorded = None
+        atexit.unregister(self.close)
         for rows in (self._updates, *(rows for pair in self._streams.values() for rows in pair)):
             try:
                 rows.close()
             except OSError as error:
                 self._fail(error)
         try:
-            if self._failure:
-                return
             if self.outcome == "discard":
-                return self._remove()
-            self._describe(self.outcome)
-            self.path = self.path.rename(self.path.with_suffix(""))
+                self._remove()
+            elif not self._failure:
+                self._describe()
+                self.path = self.path.rename(self.path.with_suffix(""))
         except OSError as error:
             self._fail(error)
 
+    def _mark(self, outcome: str) -> None:
+        if self.outcome == "unmarked":
+            self.outcome = outcome
+
+    def _require_open(self) -> None:
+        if self._touch.recorded is not self:
+            raise HapticError(f"the episode {self.path.name} has ended")
+
     def _row(self, name: str, value: Any) -> np.ndarray:
-        if not name.isidentifier() or name == "updates":
-            raise HapticError(f"stream {name!r} must have an identifier as its name, and not 'updates'")
-        row = np.asarray(value)
-        if row.dtype.kind not in "buif" or row.nbytes > _MOST_BYTES:
-            raise HapticError(f"{name} must be numbers, not {_arguments.brief(value)}")
+        if not name.isidentifier() or name in RESERVED or name.startswith("tick_"):
+            raise HapticError(f"stream {name!r} must have an identifier as its name, which is none of {', '.join(RESERVED)} and tick_…")
+        try:
+            # A whole number is not the first of whole numbers alone.
+            row = np.asarray(float(value) if type(value) is int else value)
+        except ValueError:
+            row = np.array(None)
+        if row.dtype.kind not in "buif" or row.dtype.itemsize > 8 or not 0 < row.nbytes <= _MOST_BYTES:
+            raise HapticError(f"{name} must be numbers of at most 64 bits each, and at most 2 GB of them, not {_arguments.brief(value)}")
         row = row.astype(row.dtype.newbyteorder("<"), copy=False)
-        if name in self._streams:
-            of_stream = self._streams[name][0]
-            if of_stream.shape != row.shape:
-                raise HapticError(f"{name} has the shape {row.shape}, and had {of_stream.shape} before in this episode")
-            row = row.astype(of_stream.dtype, copy=False)
-        return row
+        return self._like_before(name, row) if name in self._streams else row
+
+    def _like_before(self, name: str, row: np.ndarray) -> np.ndarray:
+        of_stream = self._streams[name][0]
+        if of_stream.shape != row.shape:
+            raise HapticError(f"{name} has the shape {row.shape}, and had {of_stream.shape} before in this episode")
+        if np.can_cast(row.dtype, of_stream.dtype):
+            return row.astype(of_stream.dtype, copy=False)
+        with np.errstate(all="ignore"):
+            made = row.astype(of_stream.dtype)
+        if not np.array_equal(made, row, equal_nan=row.dtype.kind == "f" and made.dtype.kind == "f"):
+            raise HapticError(f"{name} is {row.dtype} {_arguments.brief(row.tolist())}, and was {of_stream.dtype} before in this episode")
+        return made
 
     def _open(self, name: str, dtype: np.dtype, shape: tuple[int, ...]) -> _Rows:
         return _Rows(self.path / f"{name}.npy", dtype, shape)
 
-    def _describe(self, outcome: str) -> None:
-        facts = {"format": 1, **self._about, "outcome": outcome, "wall_clock": time.time(), "session_clock": self._touch.now,
-                 "servo_rate": self._touch.state.servo_rate, "streams": sorted(self._streams)}
-        (self.path / "episode.json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
+    def _describe(self) -> None:
+        facts = {"format": 1, "task": self._task, "outcome": self.outcome, "about": self._about, "bodies": self.bodies,
+                 "wall_clock": time.time(), "streams": sorted(self._streams)}
+        (self.path / "episode.json").write_text(json.dumps(facts, indent=1, allow_nan=False), encoding="utf-8")
 
     def _fail(self, error: OSError) -> None:
         if not self._failure:
@@ -192,17 +223,15 @@ class Episode:
 def _make_folder(inside: pathlib.Path) -> pathlib.Path:
     """Of an episode that begins."""
     stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
-    for number in range(10_000):
-        path = inside / f"{stamp}_{number:04d}.part"
-        if path.with_suffix("").exists():
-            continue
-        try:
-            path.mkdir(parents=True)
-            return path
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise HapticError(f"no episode can be kept in {inside}: {error}") from None
+    try:
+        inside.mkdir(parents=True, exist_ok=True)
+        for number in range(10_000):
+            path = inside / f"{stamp}_{number:04d}.part"
+            if not path.exists() and not path.with_suffix("").exists():
+                path.mkdir()
+                return path
+    except OSError as error:
+        raise HapticError(f"no episode can be kept in {inside}: {error}") from None
     raise HapticError(f"no episode can be kept in {inside}: there are 10,000 of this second")
 
 
@@ -211,5 +240,8 @@ def open_episode(touch: "haptic.Session", task: str, folder: str | os.PathLike[s
     """Raises HapticError where one is open, or cannot be kept."""
     if touch.recorded is not None:
         raise HapticError(f"the episode {touch.recorded.path.name} must end before another begins")
+    if not isinstance(buttons, (Mapping, type(None))):
+        raise HapticError(f"buttons {_arguments.brief(buttons)} must be outcomes by number")
     touch.recorded = Episode(touch, task, folder, buttons or {}, about)
+    atexit.register(touch.recorded.close)
     return touch.recorded

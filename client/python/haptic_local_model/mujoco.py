@@ -179,7 +179,9 @@ class Session(EngineSession):
     def episode(self, task: str, folder: str | os.PathLike[str] = "demonstrations", **options: Any) -> haptic.Episode:
         """As haptic.Session.episode(); it also knows the names of the model's bodies."""
         names = {body: self._binding.mj_id2name(self._model, _BODY, body) or f"body {body}" for body in range(1, self._model.nbody)}
-        return super().episode(task, folder, bodies=names, **options)
+        episode = super().episode(task, folder, **options)
+        episode.bodies = names
+        return episode
 
     def check(self) -> list[Finding]:
         """What of the model is approximated or ignored, and which bodies the server can hold; as check()."""

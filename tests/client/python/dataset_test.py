@@ -10,6 +10,7 @@ import json
 import os
 import pathlib
 import shutil
+import subprocess
 import sys
 import tempfile
 import types
@@ -27,6 +28,7 @@ import virtual_hand  # noqa: E402
 from hand_session import push, reach  # noqa: E402
 from haptic_local_model import _episodes, dataset, shapes  # noqa: E402
 from haptic_local_model.dataset.__main__ import main  # noqa: E402
+from haptic_local_model.dataset._clock import clock_of  # noqa: E402
 from mcap.reader import make_reader  # noqa: E402
 
 RATE, FPS = 60, 30  # Hz
@@ -142,9 +144,21 @@ class ReadBack(unittest.TestCase):
             # The shaft's own x axis, turned, is z.
             self.assertAlmostEqual(2 * (turned["x"] * turned["z"] - turned["w"] * turned["y"]), 1, delta=1e-3)
 
+    def test_mcap_of_a_recording_alone(self):
+        place = HERE / "alone.mcap"
+        dataset.convert([HERE / "read.pcap"], [], "mcap", place, FPS)
+        self.assertRegex(dataset.check(place)[0], "1 episodes, 6. frames")
+
+    def test_contacts_are_told_apart_by_names_too(self):
+        numbers, parts = dataset.ContactNumbers(), np.zeros(1, dataset.CONTACT_PART)
+        parts["identity"], parts["a_kind"], parts["b_kind"], parts["b"] = 7, haptic.TOOL_LINK, haptic.MOVABLE_BODY, 1
+        cube, ball = (types.SimpleNamespace(bodies={"1": name}) for name in ("cube", "ball"))
+        self.assertEqual([int(numbers.of(parts, each)[0]) for each in (cube, ball, cube, None)], [0, 1, 0, 2])
+        self.assertEqual([each["b"] for each in numbers.described()], ["cube", "ball", "body 1"])
+
     def test_the_check_says_what_is_inside(self):
         lines = dataset.check(self.file)
-        self.assertRegex(lines[0], r"1 episodes, 6\d frames at 30 Hz, 2\.0 s; ticks at 1000 Hz; 4 pairs in contact")
+        self.assertRegex(lines[0], r"1 episodes, 6\d frames at 30 Hz, 2\.0 s; ticks at 1000 Hz; 4 contacts")
         self.assertIn("outcomes: 1 success", lines)
 
     def test_a_recording_alone_is_one_episode_without_a_mark(self):
@@ -165,6 +179,24 @@ class Clock(unittest.TestCase):
                                                     dataset.find_episodes([HERE / f"clock{number}"])[0], FPS))
                     stream = file["streams/demo_0/now"]
                     np.testing.assert_allclose(stream["time"][:] + d.timing.begin, stream["value"][:], atol=0.001)  # s
+
+    def test_an_episode_may_begin_with_its_session(self):
+        """Before it knows the round trip the server takes updates for new."""
+        for rate in (1000, 4000):
+            with self.subTest(rate=rate):
+                demonstrate(f"first{rate}", PRESS, seconds=1, delay=0.1, options=("--rate", str(rate)))
+                found, = dataset.demonstrations([HERE / f"first{rate}.pcap"], dataset.find_episodes([HERE / f"first{rate}"])[0], FPS,
+                                                ("--rate", str(rate)))
+                self.assertLess(abs(found.timing.clock.offset), 0.001)  # s: both clocks are one here.
+                self.assertLess(abs(found.timing.begin - found.episode.updates["sampled"][0]), 0.001)  # s
+
+    def test_a_clock_that_is_slower_is_followed(self):
+        random = np.random.default_rng(1)
+        sampled = np.arange(0, 300, 1 / 60)
+        for rate in (0, 1e-4, -5e-5):
+            taken = sampled * (1 + rate) + 7 + 0.02 + random.uniform(0, 0.005, len(sampled))
+            clock = clock_of(list(zip(sampled, taken, np.full(len(sampled), 0.02))), finds_jumps=True)
+            np.testing.assert_allclose(clock.to_server(sampled), sampled * (1 + rate) + 7, atol=0.001)  # s
 
     def test_a_clock_that_jumps_is_named(self):
         demonstrate("jump", PRESS)
@@ -205,9 +237,32 @@ class Again(unittest.TestCase):
         self.assertAlmostEqual(first[1] - first[0], 0.05, delta=0.0011)  # s
         self.assertGreater(len(ticks), 0)
 
+    def test_a_frame_without_a_tick_knows_nothing(self):
+        demonstrate("unknown", PRESS)
+        place, = dataset.again([HERE / "unknown.pcap"], [HERE / "unknown"], "hdf5", HERE / "unknown_sets", {"delay": ["1"]}, fps=FPS)
+        with h5py.File(place) as file:
+            demo = file["data/demo_0"]
+            without = np.isnan(demo["obs/force"][:, 0])
+            self.assertGreater(without.sum(), 25)
+            for name in ("actions", "obs/state", "obs/impulse", "contact/force"):
+                self.assertTrue(np.isnan(demo[name][:][without]).all(), name)
+            self.assertTrue((demo["contact/id"][:][without] == -1).all())
+        self.assertRegex("\n".join(dataset.check(place)), rf"missing: {without.sum()} frames have no force")
+
+    def test_a_value_that_cannot_be_leaves_nothing(self):
+        demonstrate("half", PRESS)
+        given = [HERE / "half.pcap"], [HERE / "half"], "hdf5", HERE / "half_sets"
+        for changes, said in (({"stiffness": ["1000", "hard"]}, "stiffness"), ({"rate": ["500"]}, "--again rate must be one of delay, friction"),
+                              ({"stiffness": ["1000", "1000"]}, "--again stiffness=1000 must be a value, once"),
+                              ({"delay": ["0.0004"]}, "--late 0.0004 must be whole periods of the loop, 0.001 s each"),
+                              ({"delay": ["5"]}, "it has no tick with --late 5")):
+            with self.subTest(said), self.assertRaisesRegex(haptic.HapticError, said):
+                dataset.again(*given, changes)
+            self.assertEqual([path.name for path in HERE.iterdir() if "half_sets" in path.name or path.name.startswith(".")], [])
+
     def test_with_other_options_nothing_is_made(self):
         demonstrate("other", PRESS, options=("--stiffness", "1000"))
-        with self.assertRaisesRegex(haptic.HapticError, r"other\.pcap was recorded with other options: give the server's"):
+        with self.assertRaisesRegex(haptic.HapticError, r"other\.pcap does not come back as it was: it was recorded with other options: give the server's"):
             made("other")
         self.assertEqual(list(HERE.glob("other_*")), [])
         made("other", options=("--stiffness", "1000"))
@@ -234,7 +289,7 @@ class WrongInput(unittest.TestCase):
                 ((HERE / "none.pcap", episodes), "x.hdf5", "none.pcap' must be a file that haptic_server --record has written"),
                 ((recording, unended), "x.hdf5", "has no end: its program was ended, or its disk was full"),
                 ((recording, bare), "x.hdf5", "there are no episodes in .*bare"),
-                ((episodes,), "x.hdf5", "no recording knows the episode .*: give the one of its server"),
+                ((episodes,), "x.hdf5", "episode .*: no recording knows it: give the one of its server"),
                 ((recording, episodes), "there.hdf5", "there.hdf5 must not be there yet"),
                 ((recording, episodes, "--fps", "0"), "x.hdf5", "fps 0 must be 1 to 1000 Hz"),
                 ((recording, episodes, "--contacts", "0"), "x.hdf5", "contacts 0 must be a whole number of 1 to 64"),
@@ -242,6 +297,9 @@ class WrongInput(unittest.TestCase):
                 ((recording, episodes, "--again", "delay=soon"), "x", "delay=soon must be a time, as 0.05 or 50ms"),
                 ((recording, episodes, "--again", "stiffness=hard"), "x", "stiffness"),
                 ((recording, episodes, "--", "--nonsense"), "x.hdf5", "nonsense"),
+                ((recording, episodes, "--", "--late", "0.1"), "x.hdf5", "--late must be an option of haptic_server"),
+                ((recording, episodes, "--state", "force"), "x.hdf5", "--state force must be of --to lerobot, not hdf5"),
+                ((recording, episodes), "x" * 300, "cannot be written: "),
                 ((recording, episodes), "good.pcap/x.hdf5", "x.hdf5 cannot be written: ")):
             with self.subTest(said):
                 code, errors = says(*inputs[:2], "--to", "hdf5", "--out", HERE / out, *inputs[2:])
@@ -252,6 +310,48 @@ class WrongInput(unittest.TestCase):
         self.assertEqual(there.read_text(), "mine")
         code, errors = says("--check", outside)
         self.assertEqual((code, len(errors.splitlines())), (2, 1))
+
+    def test_damaged_files_are_named(self):
+        for name, content, said in (("qpos.npy", b"", "qpos.npy cannot be read"), ("qpos.npy", b"PK\x03\x04", "qpos.npy cannot be read"),
+                                    ("updates.npy", (HERE / "good").glob("*/qpos.npy").__next__().read_bytes(), "updates.npy must have rows of"),
+                                    ("episode.json", b"[]", "episode.json is no description of an episode"),
+                                    ("episode.json", b'{"format": 2}', "episode.json is no description of an episode")):
+            with self.subTest(name=name, content=content[:10]), tempfile.TemporaryDirectory() as folder:
+                copy = shutil.copytree(next((HERE / "good").iterdir()), pathlib.Path(folder) / "one")
+                (copy / name).write_bytes(content)
+                code, errors = says(HERE / "good.pcap", folder, "--to", "hdf5", "--out", pathlib.Path(folder) / "x.hdf5")
+                self.assertEqual((code, len(errors.splitlines())), (2, 1))
+                self.assertRegex(errors, said)
+
+    def test_what_others_have_there_stays(self):
+        mine = HERE / "others.hdf5.part"
+        mine.mkdir()
+        (mine / "file").write_text("mine")
+        dataset.convert([HERE / "good.pcap"], [HERE / "good"], "hdf5", HERE / "others.hdf5", FPS)
+        self.assertEqual((mine / "file").read_text(), "mine")
+        shutil.rmtree(mine)
+        (HERE / "others2.hdf5.json").write_text("mine")
+        with self.assertRaisesRegex(haptic.HapticError, "others2.hdf5.json must not be there yet"):
+            dataset.convert([HERE / "good.pcap"], [HERE / "good"], "hdf5", HERE / "others2.hdf5", FPS)
+
+    def test_a_set_that_is_cut_is_told_from_a_whole_one(self):
+        for form in ("mcap", "hdf5"):
+            place = made("good", form)
+            place.write_bytes(place.read_bytes()[:1000])
+            code, errors = says("--check", place)
+            self.assertEqual((code, len(errors.splitlines())), (2, 1))
+            self.assertRegex(errors, "is no whole data set")
+
+    def test_one_that_cannot_be_used_leaves_the_others(self):
+        both = HERE / "some"
+        shutil.copytree(HERE / "good", both)
+        other = shutil.copytree(next(both.iterdir()), both / "20260101T000000_0001")
+        rows = np.load(other / "updates.npy")
+        rows["session"] += 1
+        np.save(other / "updates.npy", rows)
+        about = dataset.convert([HERE / "good.pcap"], [both], "hdf5", HERE / "some.hdf5", FPS)
+        self.assertEqual(len(about["episodes"]), 1)
+        self.assertRegex("\n".join(about["left_out"]), r"episode \S+_0001: no recording knows it: give the one of its server")
 
     def test_an_episode_without_its_end_is_left_out_and_named(self):
         both = HERE / "both"
@@ -288,6 +388,31 @@ class Marks(unittest.TestCase):
             self.assertFalse(episode.running)
         self.assertEqual(self.kept(), [("", "success")])
 
+    def test_the_first_mark_stands_and_the_end_is_the_end(self):
+        touch = self.touch()
+        with self.open(touch, buttons={1: "failure"}) as episode:
+            touch.state.buttons = 2
+            episode.sent(1, 1)
+            episode.success()
+        self.assertEqual(self.kept(), [("", "failure")])
+        for use in (episode.success, episode.discard, lambda: episode.log(x=1)):
+            with self.assertRaisesRegex(haptic.HapticError, r"the episode \S+_0000 has ended"):
+                use()
+
+    def test_whole_numbers_may_be_followed_by_others(self):
+        with self.open(self.touch()) as episode:
+            for reward in (0, 0.75, np.float32(0.5)):
+                episode.log(reward=reward)
+        np.testing.assert_array_equal(np.load(episode.path / "reward.npy"), [0, 0.75, 0.5])
+
+    def test_the_end_of_a_program_ends_it(self):
+        subprocess.run([sys.executable, "-c", f"""import types, haptic_local_model as haptic
+from haptic_local_model import _episodes
+touch = types.SimpleNamespace(now=1.0, state=types.SimpleNamespace(buttons=0), running=True, recorded=None)
+_episodes.open_episode(touch, "task", {str(self.folder)!r}, None, {{}}).log(x=1)"""], check=True,
+                       env={**os.environ, "PYTHONPATH": str(PACKAGE)})
+        self.assertEqual(self.kept(), [("", "unmarked")])
+
     def test_what_is_discarded_is_gone_and_what_fails_is_kept(self):
         with self.open(self.touch()) as episode:
             episode.log(x=1)
@@ -319,7 +444,10 @@ class Marks(unittest.TestCase):
             episode.log(image=np.zeros((4, 5, 3), np.uint8))
             for use, said in ((lambda: episode.log(image=np.zeros((4, 6, 3), np.uint8)),
                                r"image has the shape \(4, 6, 3\), and had \(4, 5, 3\) before in this episode"),
-                              (lambda: episode.log(name="text"), "name must be numbers, not 'text'"),
+                              (lambda: episode.log(name="text"), "name must be numbers of at most 64 bits each, and at most 2 GB of them, not 'text'"),
+                              (lambda: episode.log(force=1), "stream 'force' must have an identifier as its name, which is none of updates, state"),
+                              (lambda: episode.log(image=np.full((4, 5, 3), 0.5)), "image is float64 .*, and was uint8 before in this episode"),
+                              (lambda: episode.log(x=[[1], [1, 2]]), "x must be numbers"),
                               (lambda: episode.log(updates=1), "stream 'updates' must have an identifier as its name"),
                               (lambda: self.open(touch), r"the episode \S+ must end before another begins"),
                               (lambda: self.open(self.touch(), buttons={40: "success"}), "button 40 must be a whole number of 0 to 31"),

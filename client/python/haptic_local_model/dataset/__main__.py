@@ -28,12 +28,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _changes(given: Sequence[str]) -> dict[str, list[str]]:
-    changes = {}
+    changes: dict[str, list[str]] = {}
     for text in given:
         name, equals, values = text.partition("=")
         if not (name and equals and all(values.split(","))):
             raise HapticError(f"--again {text} must be NAME=VALUE[,VALUE…]")
-        changes[name] = [_seconds(value) if name == "delay" else value for value in values.split(",")]
+        changes.setdefault(name, []).extend(_seconds(value) if name == "delay" else value for value in values.split(","))
     return changes
 
 
@@ -63,11 +63,17 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     at = given.index("--") if "--" in given else len(given)
     parser = _parser()
     options = parser.parse_args(given[:at])
-    if not options.check and not (options.to and options.out and options.inputs):
-        parser.error("give recordings, --to and --out; or --check SET")
+    if bool(options.check) == bool(options.to and options.out and options.inputs) or options.check and options.inputs:
+        parser.error("give recordings, --to and --out; or --check SET alone")
     try:
-        lines = dataset.check(options.check) if options.check else [dataset.check(place)[0] for place in _make(options, given[at + 1:])]
-        print(*lines, sep="\n")
+        if options.check:
+            print(*dataset.check(options.check), sep="\n")
+        for place in _make(options, given[at + 1:]) if not options.check else ():
+            summary, *more = dataset.check(place)
+            print(summary)
+            for line in more:
+                if line.startswith(("left out", "missing")):
+                    print(line, file=sys.stderr)
         return 0
     except HapticError as error:
         print(f"haptic_dataset: {error}", file=sys.stderr)

@@ -40,7 +40,8 @@ def _write_frames(group: Any, frames: Frames, fields: Mapping[str, Field]) -> No
     for name, column in frames.columns.items():
         kind, _, short = name.partition(".")
         if kind in ("observation", "contact"):
-            made = group.create_dataset(f"{'obs' if kind == 'observation' else kind}/{short}", data=column, **_COMPRESSED)
+            made = group.create_dataset(f"{'obs' if kind == 'observation' else kind}/{short}",
+                                        data=column if column.ndim > 1 else column[:, None], **_COMPRESSED)
             if name in fields:
                 made.attrs["unit"], made.attrs["meaning"] = fields[name].unit, fields[name].meaning
 
@@ -63,4 +64,4 @@ def _write_streams(group: Any, frames: Frames) -> None:
     for name, value in d.signals.items():
         stream("tick_" + name, d.time, value.astype(np.float32))
     for name, logged in (d.episode.streams.items() if d.episode else ()):
-        stream(name, np.asarray(logged.times) + d.timing.clock, np.asarray(logged.rows))
+        stream(name, d.timing.clock.to_server(logged.times), np.asarray(logged.rows))

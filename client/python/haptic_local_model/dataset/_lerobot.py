@@ -23,10 +23,12 @@ def write(frames: Iterable[Frames], path: pathlib.Path, fields: Mapping[str, Fie
     datasets = require("lerobot.datasets.lerobot_dataset", "lerobot")
     if datasets.CODEBASE_VERSION != _VERSION:
         raise HapticError(f"--to lerobot needs a LeRobot that writes {_VERSION}, and this one writes {datasets.CODEBASE_VERSION}")
+    if about["fps"] != round(about["fps"]):
+        raise HapticError(f"--fps {about['fps']:g} must be whole with --to lerobot")
     made, features = None, {}
     try:
         for each in frames:
-            _join_state(each, about["state"])
+            _join_state(each, about["state"], fields)
             own = _features(each, fields)
             if made is None:
                 features = own
@@ -40,7 +42,7 @@ def write(frames: Iterable[Frames], path: pathlib.Path, fields: Mapping[str, Fie
             made.finalize()  # Left alone it writes when it is collected, wherever the folder is by then.
 
 
-def _join_state(frames: Frames, names: Iterable[str]) -> None:
+def _join_state(frames: Frames, names: Iterable[str], fields: Mapping[str, Field]) -> None:
     """Puts these columns behind observation.state, flat: of what is observed LeRobot's policies and its viewer take that and images."""
     parts = [frames.columns["observation.state"]]
     for name in names:
@@ -48,7 +50,8 @@ def _join_state(frames: Frames, names: Iterable[str]) -> None:
             known = ", ".join(sorted(column.partition(".")[2] for column in frames.columns if column.startswith("observation.")))
             raise HapticError(f"--state {name} must be one of {known}")
         parts.append(frames.columns[f"observation.{name}"].reshape(frames.count, -1).astype(np.float32))
-    frames.columns["observation.state"] = np.concatenate(parts, axis=1)
+    joined = frames.columns["observation.state"] = np.concatenate(parts, axis=1)
+    fields["observation.state"].shape = joined.shape[1:]
 
 
 def _features(frames: Frames, fields: Mapping[str, Field]) -> dict[str, dict[str, Any]]:
@@ -59,6 +62,8 @@ def _features(frames: Frames, fields: Mapping[str, Field]) -> dict[str, dict[str
             names = _NAMES.get(name) or (_WRENCH if shape == (6,) else None)
             names = names if names is None or len(names) == shape[0] else None
             features[name] = {"dtype": fields[name].dtype, "shape": shape, "names": names}
+        elif "image" in name and not _is_image(column):
+            raise HapticError(f"--to lerobot takes {name} for a picture: log it by a name without 'image'")
         elif _is_image(column):
             features[name.replace("observation.", "observation.images.")] = {
                 "dtype": "image", "shape": shape, "names": ["height", "width", "channels"]}

@@ -20,6 +20,7 @@ _CONTACTS = {"type": "object", "properties": {"timestamp": _TIME, "contacts": {"
     "type": "object", "properties": {"id": {"type": "integer"}, "force": _XYZ, "point": _XYZ, "normal": _XYZ}}}}}
 _MARK = {"type": "object", "properties": {"task": {"type": "string"}, "outcome": {"type": "string"}, "mark": {"type": "string"}}}
 _ROW = {"type": "object", "properties": {"value": {"type": "array"}}}
+_IMAGE = {"type": "object", "properties": {"data": {"type": "string", "contentEncoding": "base64"}}}
 _ARROW = 0.02  # m for each N
 _PAUSE = 1.0   # s between episodes
 _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
@@ -51,29 +52,28 @@ def write(frames: Iterable[Frames], path: pathlib.Path, fields: Mapping[str, Fie
         writer = writing.Writer(file)
         writer.start(profile="", library="haptic-local-model")
         writer.add_metadata("haptic", {key: value if isinstance(value, str) else json.dumps(value) for key, value in about.items()})
-        topics, free_from = _Topics(writer), 0.0
+        topics, free_from = _Topics(writer), _PAUSE
         for each in frames:
             free_from = _write_episode(topics, each, free_from)
         writer.finish()
 
 
 def _write_episode(topics: _Topics, frames: Frames, free_from: float) -> float:
-    d = frames.demonstration
-    about: dict[str, Any] = d.episode.about if d.episode else {"task": "", "outcome": "unmarked", "wall_clock": 0.0}
-    end_by_wall = float(about.get("wall_clock", 0.0))
-    start = max(end_by_wall - (d.timing.end - d.timing.begin), free_from)
-    marks = {"task": about["task"], "outcome": about["outcome"]}
+    d, timing = frames.demonstration, frames.demonstration.timing
+    length = timing.end - timing.begin
+    start = max((d.episode.wall_clock if d.episode else 0.0) - length, free_from)
+    marks = {"task": d.episode.task if d.episode else "", "outcome": d.episode.outcome if d.episode else "unmarked"}
     topics.say("/episode", "haptic.Mark", _MARK, start, {**marks, "mark": "begin"})
-    for time, step, force in zip((d.time - d.timing.begin + start).tolist(), d.step.tolist(), d.signals["force"].tolist()):
+    for time, step, force in zip((d.time - timing.begin + start).tolist(), d.step.tolist(), d.signals["force"].tolist()):
         topics.say("/hand/wrench", "haptic.Wrench", _WRENCH, time, {"step": step, "force": _xyz(force[:3]), "torque": _xyz(force[3:])})
     arrows = _arrows(frames)
     for i in range(frames.count):
         _write_frame(topics, frames, arrows[i], i, start + i / frames.fps)
     for name, logged in (d.episode.streams.items() if d.episode else ()):
-        for row, time in zip(logged.rows, (logged.times + d.timing.clock - d.timing.begin + start).tolist()):
+        for row, time in zip(logged.rows, (timing.clock.to_server(logged.times) - timing.begin + start).tolist()):
             _write_row(topics, name, np.asarray(row), time)
-    topics.say("/episode", "haptic.Mark", _MARK, start + d.timing.end - d.timing.begin, {**marks, "mark": "end"})
-    return start + (d.timing.end - d.timing.begin) + _PAUSE
+    topics.say("/episode", "haptic.Mark", _MARK, start + length, {**marks, "mark": "end"})
+    return start + length + _PAUSE
 
 
 def _write_frame(topics: _Topics, frames: Frames, arrows: list[dict[str, Any]], i: int, seconds: float) -> None:
@@ -98,12 +98,12 @@ def _write_frame(topics: _Topics, frames: Frames, arrows: list[dict[str, Any]], 
 def _write_row(topics: _Topics, name: str, row: np.ndarray, seconds: float) -> None:
     if row.dtype == np.uint8 and row.ndim == 3 and row.shape[2] in (1, 3, 4):
         encoding = {1: "mono8", 3: "rgb8", 4: "rgba8"}[row.shape[2]]
-        topics.say(f"/{name}", "foxglove.RawImage", {"type": "object"}, seconds, {
+        topics.say(f"/log/{name}", "foxglove.RawImage", _IMAGE, seconds, {
             "timestamp": _stamp(seconds), "frame_id": name, "width": row.shape[1], "height": row.shape[0], "encoding": encoding,
             "step": row.shape[1] * row.shape[2], "data": base64.b64encode(row.tobytes()).decode()})
         return
     values = [value if np.isfinite(value) else None for value in row.ravel().tolist()]
-    topics.say(f"/{name}", "haptic.Row", _ROW, seconds, {"value": values, "shape": list(row.shape)})
+    topics.say(f"/log/{name}", "haptic.Row", _ROW, seconds, {"value": values, "shape": list(row.shape)})
 
 
 def _arrows(frames: Frames) -> list[list[dict[str, Any]]]:
