@@ -10,6 +10,7 @@ layers of 64, by Adam, in numpy, learns how far that hand draws the peg from whe
 same demonstrations and training, and see the peg's pose and twist, which tell where it stops and how the rim tilts it:
 
     no force    nothing else
+    command     how far ahead of the peg they drew it in the frame before, which a spring makes a force
     mean        the mean wrench of each frame, observation.force
     window      of each frame's wrenches at 1 kHz, observation.force_window: mean, deviation, least, largest and last
 
@@ -37,7 +38,7 @@ INSIDE, FOR, LIMIT = 0.03, 0.5, 4.0  # m, s, s
 FPS, TICKS, HISTORY = 30, 34, 4  # Hz; in a frame, at most; frames
 SHAKE = 0.001  # m: standard deviation of where a demonstration's hand is drawn, about where it means to be
 CONDITIONS = {"as trained": (0.0005, 0.2), "friction 0.4": (0.0005, 0.4), "clearance 0.25 mm": (0.00025, 0.2)}  # clearance, m; friction
-VARIANTS = ("no force", "mean", "window")
+VARIANTS = ("no force", "command", "mean", "window")
 
 
 def scene(socket, start, clearance, friction):
@@ -133,10 +134,12 @@ def compare(window, online):
     return np.where(is_near[0], 0, np.where(is_near[1], 1, 2)).tolist()
 
 
-def features(variant, state, force, window):
-    """Of each frame (n, …), with those before it."""
+def features(variant, state, force, window, before):
+    """Of each frame (n, …), with those before it. before: where the hand drew the peg to in the last one, m."""
     rows = [state[:, :3] - [0, 0, OVER], 2 * np.sign(state[:, 3:4]) * state[:, 4:7], state[:, 7:]]  # m, rad, m/s and rad/s
-    if variant == "mean":
+    if variant == "command":
+        rows += [before - state[:, :3]]
+    elif variant == "mean":
         rows += [force]
     elif variant == "window":
         rows += [summary(window, axis=1) for summary in (np.nanmean, np.nanstd, np.nanmin, np.nanmax)] + [window[:, -1]]
@@ -183,12 +186,14 @@ class Network:
 
 def policy(variant, network):
     """A hand that begins."""
-    seen = []
+    seen, before = [], []
 
-    def hand(*columns):
-        seen.append(columns)
+    def hand(state, *columns):
+        seen.append((state, *columns, before.pop() if before else state[:3]))
         del seen[:-HISTORY]
-        return network(features(variant, *(np.array(column) for column in zip(*seen)))[-1:])[0]
+        ahead = network(features(variant, *(np.array(column) for column in zip(*seen)))[-1:])[0]
+        before.append(state[:3] + ahead)
+        return ahead
     return hand
 
 
@@ -206,7 +211,8 @@ def study(haptic, mujoco, seed, given, found):
           f"same online, {same[1]} ended a tick earlier there, {same[2]} were others", flush=True)
     hands = {"straight down": lambda: straight_down, "expert": lambda: expert} if seed == given.seed else {}
     for variant in VARIANTS:
-        x = np.concatenate([features(variant, state, force, window) for state, force, window, _ in demonstrations])
+        x = np.concatenate([features(variant, state, force, window, np.vstack([state[:1, :3], target[:-1]]))
+                            for state, force, window, target in demonstrations])
         y = np.concatenate([target - state[:, :3] for state, _, _, target in demonstrations])
         hands[variant] = functools.partial(policy, variant, Network(x, y, np.random.default_rng([seed, 1])))
     for name, begin in hands.items():
