@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import contextlib
 import gzip
 import json
@@ -46,7 +47,7 @@ def blocks(recording: str | os.PathLike[str], options: Sequence[str] = (), chang
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as process:
             assert process.stdout
             try:
-                yield from _read(process.stdout)
+                yield from _ahead(_read(process.stdout))
             except BaseException:
                 process.kill()
                 raise
@@ -81,6 +82,15 @@ def _unpacked(file: str) -> Iterator[str]:
 def _last_line(said: str) -> str:
     lines = [line for line in said.splitlines() if line.strip()]
     return lines[-1].removeprefix("haptic_replay: ") if lines else "haptic_replay said nothing"
+
+
+def _ahead(made: Iterator[Block]) -> Iterator[Block]:
+    """The same, with the next one read while one is in use."""
+    with concurrent.futures.ThreadPoolExecutor(1) as reader:
+        following = reader.submit(next, made, None)
+        while (block := following.result()) is not None:
+            following = reader.submit(next, made, None)
+            yield block
 
 
 def _read(stream: IO[bytes]) -> Iterator[Block]:
