@@ -59,9 +59,10 @@ def server(*options, patient=True):
         probe.close()
         hand = pathlib.Path(folder) / "hand.toml"
         hand.write_text(HAND)
+        # A real-time thread that fills its period, as a sanitized one does on a slow machine, stands still for 50 ms of each second.
         process = subprocess.Popen([SERVER, "--listen", address, "--hand", hand, "--status", "false",
                                     "--device-option", "freedom=spatial",
-                                    "--device-option", "friction=0", *options,
+                                    "--device-option", "friction=0", "--realtime", "off", *options,
                                     *(("--silence-time", "10", "--max-gap", "60") if patient else ())],
                                    stderr=subprocess.PIPE, text=True)
         while "listening" not in (line := process.stderr.readline()):
@@ -132,7 +133,7 @@ class WithServer(unittest.TestCase):
             self.assertEqual(touch.message, "")
 
     def test_with_shapes_the_server_finds_the_contacts_and_updates_bring_none(self):
-        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+        with server("--rate", "500") as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
             touch.offer([haptic.shapes.box((EDGE,) * 3, haptic.TOOL_LINK), haptic.shapes.half_space()],
                         positions=[[0, 0, 0], [0, 0, FLOOR]], friction=[-1, 0.3])
             nothing = lambda q: haptic.contacts(0)  # noqa: E731
