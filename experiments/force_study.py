@@ -102,12 +102,12 @@ def attempt(haptic, mujoco, hand, random, condition, folder=None):
                 touch.hold(target + (random.normal(0, SHAKE, 3) if folder else 0))
                 is_in = state[2] < OVER - INSIDE and np.hypot(*(state[:2] - socket)) < RADIUS
                 inside = inside + 1 if is_in else 0
-                if folder and not touch.touch.recorded:
+                if folder and not touch.touch.current_episode:
                     touch.episode("find the socket and insert the peg", folder / "episodes")
                 touch.log(target=target, online=window)
             touch.send(data)
         if folder and inside >= FOR * FPS:
-            touch.touch.recorded.success()
+            touch.touch.current_episode.success()
     return inside >= FOR * FPS
 
 

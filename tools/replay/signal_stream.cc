@@ -52,29 +52,23 @@ void add_field(std::string& fields, std::string_view name, std::string_view type
   fields.append("[\"").append(name).append("\", \"").append(type).append("\"]");
 }
 
-/// `names`: of tick_number_names(), of which the words go to `words`.
-void add_numbers(std::string_view names, std::string& fields, std::string& words) {
+/// `names`: of tick_number_names().
+void add_numbers(std::string_view names, std::string& fields) {
   while (!names.empty()) {
     const std::string_view column = names.substr(0, names.find(','));
     names.remove_prefix(std::min(names.size(), column.size() + 1));
-    const std::size_t end = column.find('=');
-    add_field(fields, column.substr(0, end), "<f8");
-    if (end == std::string_view::npos) continue;
-    words += words.empty() ? "" : ", ";
-    words.append("\"").append(column.substr(0, end)).append("\": \"");
-    words.append(column.substr(end + 1)).append("\"");
+    add_field(fields, column.substr(0, column.find('=')), "<f8");
   }
 }
 
 std::string description(double period) {
   std::string ticks;
   std::string contacts;
-  std::string words;
   visit_extra({}, 0, [&](auto name, auto type, auto) { add_field(ticks, name, type); });
-  add_numbers(tick_number_names(), ticks, words);
+  add_numbers(tick_number_names(), ticks);
   visit_contact({}, [&](auto name, auto type, auto) { add_field(contacts, name, type); });
-  return "{\"period_s\": " + fmt::format("{}", period) + ", \"ticks\": " + ticks +
-         "], \"contacts\": " + contacts + "], \"words\": {" + words + "}}\n";
+  return fmt::format("{{\"period_s\": {}, \"ticks\": {}], \"contacts\": {}]}}\n", period, ticks,
+                     contacts);
 }
 
 template <class Value>

@@ -14,10 +14,9 @@ namespace hlm::server {
 
 /// The stream is a line that describes it, JSON, and blocks until its end. The line has the loop's
 /// "period_s", and under "ticks" and "contacts" the fields of the two kinds of records, [name,
-/// type] each, with types as numpy writes them, and under "words" what the numbers of some fields
-/// stand for. A block is two u32, how many ticks and contacts it has, the ticks' records, and those
-/// of their contacts, of which each tick says how many are its own. Everything is little-endian and
-/// without gaps.
+/// type] each, with types as numpy writes them. A block is two u32, how many ticks and contacts it
+/// has, the ticks' records, and those of their contacts, of which each tick says how many are its
+/// own. Everything is little-endian and without gaps; names end in units, axes are the world's.
 class SignalStream {
  public:
   /// file: "-" is standard output. period: of the loop, s. Throws std::runtime_error naming the

@@ -207,7 +207,7 @@ class Session:
                  gravity: Sequence[float] = (0, 0, 0), hand_link: int = 0, clears_fault: bool = True,
                  start_server: bool = True):
         self._session: Optional[ctypes.c_void_p] = None
-        self.recorded: Optional[Episode] = None            #: The episode that is open.
+        self.current_episode: Optional[Episode] = None            #: The episode that is open.
         named = os.environ.get("HAPTIC_SERVER") if server is None else server
         self._library = load_virtual() if str(named).startswith("virtual:") else load()
         options = self._library.haptic_default_options()
@@ -270,8 +270,8 @@ class Session:
     def close(self) -> None:
         """Says goodbye, and ends a server that the session started. What follows raises HapticError."""
         _interrupt.forget(self)
-        if self.recorded is not None:
-            self.recorded.close()
+        if self.current_episode is not None:
+            self.current_episode.close()
         if self._session:
             self._library.haptic_close(self._session)
         self._session = None
@@ -430,8 +430,8 @@ class Session:
         period = _arguments.number(period, "period")
         if self._library.haptic_sample(self._open(), q_now.ctypes.data, v_now.ctypes.data, period) != 0:
             self._fail()
-        if self.recorded is not None:
-            self.recorded.sampled()
+        if self.current_episode is not None:
+            self.current_episode.sampled()
 
     def track(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> np.ndarray:
         """Sets lasting identities, by pair, place on side a and normal, for an engine that has none.
@@ -467,8 +467,8 @@ class Session:
                                              *_arguments.records(bodies, BODY, "bodies"))
         if sequence < 0:
             self._fail()
-        if self.recorded is not None:
-            self.recorded.sent(self._library.haptic_session_id(self._open()), sequence)
+        if self.current_episode is not None:
+            self.current_episode.sent(self._library.haptic_session_id(self._open()), sequence)
         return int(sequence)
 
     def episode(self, task: str, folder: str | os.PathLike[str] = "demonstrations", *, buttons: Optional[Mapping[int, str]] = None,
@@ -480,8 +480,8 @@ class Session:
 
     def log(self, **values: Any) -> None:
         """As Episode.log() of the episode that is open; without one nothing is kept."""
-        if self.recorded is not None:
-            self.recorded.log(**values)
+        if self.current_episode is not None:
+            self.current_episode.log(**values)
 
     def _open(self) -> ctypes.c_void_p:
         if not self._session:

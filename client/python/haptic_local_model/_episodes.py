@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import haptic_local_model as haptic
 
 OUTCOMES = ("success", "failure", "discard")
+#: Of an update: its session, its number in it, and the session's time when the tool was sampled for it, s.
 UPDATE = np.dtype([("session", "<u8"), ("sequence", "<u8"), ("sampled", "<f8")])
 #: What streams may not be called, as data sets have fields of these names, and those that begin with "tick_".
 RESERVED = ("updates", "state", "force", "force_peak", "force_window", "impulse")
@@ -150,9 +151,9 @@ class Episode:
 
     def close(self) -> None:
         """As the `with` block does."""
-        if self._touch.recorded is not self:
+        if self._touch.current_episode is not self:
             return
-        self._touch.recorded = None
+        self._touch.current_episode = None
         atexit.unregister(self.close)
         for rows in (self._updates, *(rows for pair in self._streams.values() for rows in pair)):
             try:
@@ -173,7 +174,7 @@ class Episode:
             self.outcome = outcome
 
     def _require_open(self) -> None:
-        if self._touch.recorded is not self:
+        if self._touch.current_episode is not self:
             raise HapticError(f"the episode {self.path.name} has ended")
 
     def _row(self, name: str, value: Any) -> np.ndarray:
@@ -238,10 +239,10 @@ def _make_folder(inside: pathlib.Path) -> pathlib.Path:
 def open_episode(touch: "haptic.Session", task: str, folder: str | os.PathLike[str], buttons: Optional[Mapping[int, str]],
                  about: Mapping[str, Any]) -> Episode:
     """Raises HapticError where one is open, or cannot be kept."""
-    if touch.recorded is not None:
-        raise HapticError(f"the episode {touch.recorded.path.name} must end before another begins")
+    if touch.current_episode is not None:
+        raise HapticError(f"the episode {touch.current_episode.path.name} must end before another begins")
     if not isinstance(buttons, (Mapping, type(None))):
         raise HapticError(f"buttons {_arguments.brief(buttons)} must be outcomes by number")
-    touch.recorded = Episode(touch, task, folder, buttons or {}, about)
-    atexit.register(touch.recorded.close)
-    return touch.recorded
+    touch.current_episode = Episode(touch, task, folder, buttons or {}, about)
+    atexit.register(touch.current_episode.close)
+    return touch.current_episode

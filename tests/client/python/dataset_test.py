@@ -369,7 +369,7 @@ class Marks(unittest.TestCase):
 
     def touch(self):
         state = types.SimpleNamespace(buttons=0, servo_rate=1000)
-        return types.SimpleNamespace(now=1.0, state=state, running=True, recorded=None)
+        return types.SimpleNamespace(now=1.0, state=state, running=True, current_episode=None)
 
     def open(self, touch, **options):
         return _episodes.open_episode(touch, "task", self.folder, options.pop("buttons", None), options)
@@ -408,7 +408,7 @@ class Marks(unittest.TestCase):
     def test_the_end_of_a_program_ends_it(self):
         subprocess.run([sys.executable, "-c", f"""import types, haptic_local_model as haptic
 from haptic_local_model import _episodes
-touch = types.SimpleNamespace(now=1.0, state=types.SimpleNamespace(buttons=0), running=True, recorded=None)
+touch = types.SimpleNamespace(now=1.0, state=types.SimpleNamespace(buttons=0), running=True, current_episode=None)
 _episodes.open_episode(touch, "task", {str(self.folder)!r}, None, {{}}).log(x=1)"""], check=True,
                        env={**os.environ, "PYTHONPATH": str(PACKAGE)})
         self.assertEqual(self.kept(), [("", "unmarked")])

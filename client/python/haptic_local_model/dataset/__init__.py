@@ -39,12 +39,18 @@ FORMATS = {"lerobot": False, "hdf5": True, "mcap": True}
 
 @dataclasses.dataclass
 class _Recorded:
-    """What a set is made of. timings: of episodes, by path, where they are known from another replay. complaints: of what is left out."""
+    """What a set is made of. unread: a line of each episode that cannot be read; refused: of each that cannot be used, by path. timings:
+    of episodes, by path, where they are known from another replay."""
     recordings: Sequence[str | os.PathLike[str]]
     episodes: Sequence[EpisodeFiles]
     options: Sequence[str]
-    complaints: list[str]
+    unread: list[str]
+    refused: dict[pathlib.Path, str] = dataclasses.field(default_factory=dict)
     timings: Mapping[pathlib.Path, Timing] = dataclasses.field(default_factory=dict)
+
+    @property
+    def left_out(self) -> list[str]:
+        return [*self.unread, *self.refused.values()]
 
 
 def demonstrations(recordings: Sequence[str | os.PathLike[str]], episodes: Iterable[EpisodeFiles], fps: float = 30,
@@ -53,8 +59,8 @@ def demonstrations(recordings: Sequence[str | os.PathLike[str]], episodes: Itera
     HapticError that names what cannot be used, or an episode of which no recording knows."""
     recorded = _Recorded(recordings, list(episodes), options, [])
     yield from _demonstrations(recorded, fps, None)
-    if recorded.complaints:
-        raise HapticError(recorded.complaints[0])
+    if recorded.left_out:
+        raise HapticError(recorded.left_out[0])
 
 
 def _demonstrations(recorded: _Recorded, fps: float, changes: Sequence[str] | None) -> Iterator[Demonstration]:
@@ -65,13 +71,13 @@ def _demonstrations(recorded: _Recorded, fps: float, changes: Sequence[str] | No
         if not recorded.episodes:
             yield from whole_sessions(played, fps)
             continue
-        for found in cut(played, waiting.values(), fps, recorded.timings, recorded.complaints):
+        for found in cut(played, waiting.values(), fps, recorded.timings, recorded.refused):
             assert found.episode
             del waiting[found.episode.path]
             yield found
-    named = "\n".join(recorded.complaints)
     why = "no recording knows it: give the one of its server" if changes is None else f"it has no tick with {' '.join(changes)}"
-    recorded.complaints += [f"episode {path}: {why}" for path in waiting if str(path) not in named]
+    for path in waiting:
+        recorded.refused.setdefault(path, f"episode {path}: {why}")
 
 
 def frames(found: Iterable[Demonstration], fps: float = 30, contacts: int = 8, numbers: ContactNumbers | None = None) -> Iterator[Frames]:
@@ -110,15 +116,15 @@ def again(recordings: Sequence[str | os.PathLike[str]], places: Sequence[str | o
     recorded = _recorded(recordings, places, options)
     if not recorded.episodes:
         raise HapticError("--again needs episodes: each of its sets has the same ones")
-    found = list(_demonstrations(recorded, fps, None))
-    recorded.timings = {each.episode.path: each.timing for each in found if each.episode}
-    recorded.episodes = [each.episode for each in found if each.episode]
+    found = [(each.episode, each.timing) for each in _demonstrations(recorded, fps, None) if each.episode]
+    recorded.episodes = [episode for episode, _ in found]
+    recorded.timings = {episode.path: timing for episode, timing in found}
     ending, made = f".{form}" if FORMATS[form] else "", []
     with _making(target) as folder:
         (folder / target.name).mkdir()
         for changed in combinations(changes):
             made.append(",".join(f"{name}={value}" for name, value in changed.items()) + ending)
-            _write(recorded, form, folder / target.name / made[-1], given, changed)
+            _write(dataclasses.replace(recorded, refused=dict(recorded.refused)), form, folder / target.name / made[-1], given, changed)
         (folder / target.name).rename(target)
     return [target / name for name in made]
 
@@ -168,7 +174,7 @@ def _write(recorded: _Recorded, form: str, place: pathlib.Path, given: Mapping[s
     found = _demonstrations(recorded, given["fps"], arguments_of(changed) if changed else None)
     first = next(found, None)
     if first is None:
-        raise HapticError((recorded.complaints or ["no session of the recordings had an update"])[0])
+        raise HapticError((recorded.left_out or ["no session of the recordings had an update"])[0])
     numbers = ContactNumbers()
     episodes: list[dict[str, Any]] = []
     fields = describe(first.period, given["fps"], given["contacts"])
@@ -184,7 +190,7 @@ def _write(recorded: _Recorded, form: str, place: pathlib.Path, given: Mapping[s
     except Exception as error:  # A format's own library has its own.
         raise HapticError(f"--to {form} is not possible with these episodes: {' '.join(str(error).split())}") from None
     about |= {"fields": {name: dataclasses.asdict(field) for name, field in fields.items()}, "episodes": episodes,
-              "contacts": numbers.described(), "left_out": list(recorded.complaints)}
+              "contacts": numbers.described(), "left_out": recorded.left_out}
     description_of(place, FORMATS[form]).write_text(json.dumps(about, indent=1), encoding="utf-8")
     return about
 

@@ -42,7 +42,8 @@ class Demonstration:
     """One episode. Frame i ends at timing.begin + i / fps and lasts 1 / fps.
 
     period: of the server's loop, s. time (n,), s, step (n,) and dt (n,), s, how long its force was there: of the ticks, from one frame
-    before its beginning to its end. signals: (n, m) of each in SIGNALS. contacts: records of CONTACT_PART, a row for each contact and
+    before its beginning to its end. signals: (n, m) of each in SIGNALS, world axes: wrenches on the hand, N and N m, poses, m and
+    quaternion w x y z, the proxy's twist, m/s and rad/s, and the gripper's opening, 0 to 1. contacts: records of CONTACT_PART, a row for each contact and
     frame: impulse, N s; weight, N s, the sum of its size, by which point, m, and normal are weighted."""
     episode: Optional[EpisodeFiles]
     timing: Timing
@@ -178,9 +179,9 @@ def _merged(parts: np.ndarray) -> np.ndarray:
 
 
 def cut(blocks: Iterable[Block], episodes: Iterable[EpisodeFiles], fps: float, timings: Mapping[pathlib.Path, Timing],
-        complaints: list[str]) -> Iterator[Demonstration]:
-    """The episodes that a recording holds, in its order. timings: of those of which it is known. complaints: gets a line of each that
-    is there and cannot be used."""
+        refused: dict[pathlib.Path, str]) -> Iterator[Demonstration]:
+    """The episodes that a recording holds, in its order. timings: of those of which it is known, by path. refused: gets a line of each
+    that is there and cannot be used."""
     searches = [_Search(episode, fps, timings.get(episode.path)) for episode in episodes]
 
     def results(ended: list[_Search]) -> Iterator[Demonstration]:
@@ -188,7 +189,7 @@ def cut(blocks: Iterable[Block], episodes: Iterable[EpisodeFiles], fps: float, t
             try:
                 yield each.result()
             except HapticError as error:
-                complaints.append(str(error))
+                refused[each.episode.path] = str(error)
 
     for block in blocks:
         for each in searches:
@@ -200,16 +201,21 @@ def cut(blocks: Iterable[Block], episodes: Iterable[EpisodeFiles], fps: float, t
 
 def whole_sessions(blocks: Iterable[Block], fps: float) -> Iterator[Demonstration]:
     """Each session of a recording as one episode without marks, from its first update to its last."""
-    found: dict[int, list[Block]] = {}
+    found: dict[int, _Parts] = {}
+    ends: dict[int, float] = {}
+    before: list[Block] = []
     for block in blocks:
-        of_session = block.ticks["session_id"]
-        for session in np.unique(of_session[of_session > 0]).tolist():
-            found.setdefault(session, []).append(block)
-    for session, kept in found.items():
-        taken = np.concatenate([block.ticks["time_s"][(block.ticks["session_id"] == session) & (block.ticks["adopted"] > 0)] for block in kept])
-        if not len(taken):
-            continue
-        parts = _Parts(None, session, Timing(float(taken[0]), float(taken[-1]), Clock()), fps)
-        for block in kept:
+        taken = block.ticks[block.ticks["adopted"] > 0]
+        for session in np.unique(taken["session_id"]).tolist():
+            times = taken["time_s"][taken["session_id"] == session]
+            ends[session] = float(times[-1])
+            if session not in found:
+                found[session] = _Parts(None, session, Timing(float(times[0]), np.inf, Clock()), fps)
+                for earlier in before:
+                    found[session].take(earlier)
+        for parts in found.values():
             parts.take(block)
+        before = [block]
+    for session, parts in found.items():
+        parts.timing.end = ends[session]
         yield parts.whole()
