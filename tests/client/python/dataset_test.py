@@ -190,6 +190,13 @@ class Clock(unittest.TestCase):
                 self.assertLess(abs(found.timing.clock.offset), 0.001)  # s: both clocks are one here.
                 self.assertLess(abs(found.timing.begin - found.episode.updates["sampled"][0]), 0.001)  # s
 
+    def test_a_set_says_where_no_age_is_known(self):
+        demonstrate("short", PRESS, seconds=0.35, delay=0.1)
+        said = "\n".join(dataset.check(made("short")))
+        self.assertRegex(said, "clocks: in 1 episodes the server attributed no age to updates")
+        demonstrate("long", PRESS, seconds=1, delay=0.1)
+        self.assertNotIn("attributed no age", "\n".join(dataset.check(made("long"))))
+
     def test_a_clock_that_is_slower_is_followed(self):
         random = np.random.default_rng(1)
         sampled = np.arange(0, 300, 1 / 60)

@@ -211,6 +211,7 @@ def _counted(made: Iterable[Frames], episodes: list[dict[str, Any]]) -> Iterator
         episodes.append({"episode": episode.path.name if episode else "", "task": episode.task if episode else "",
                          "outcome": episode.outcome if episode else "unmarked", "about": episode.about if episode else {},
                          "frames": each.count, "seconds": timing.end - timing.begin, "clock_error": timing.clock.error if episode else None,
+                         "has_age": timing.clock.has_age,
                          "frames_with_more_contacts": each.left_out, "frames_without_force": int((force != force).sum()),
                          "farthest": each.farthest})
         yield each

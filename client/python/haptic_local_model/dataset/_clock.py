@@ -16,11 +16,13 @@ _PART, _PARTS = 10.0, 3  # s, of which each tells the difference; and how many t
 
 @dataclasses.dataclass
 class Clock:
-    """server = session + offset + rate (session - origin), s. error: how far single updates are from that, s."""
+    """server = session + offset + rate (session - origin), s. error: how far single updates are from that, s. has_age: whether the server
+    attributed an age to any; otherwise the network's delay is in the offset."""
     offset: float = 0.0
     rate: float = 0.0
     origin: float = 0.0
     error: float = 0.0
+    has_age: bool = False
 
     def to_server(self, times: Any) -> Any:
         return times + self.offset + self.rate * (times - self.origin)
@@ -46,4 +48,4 @@ def clock_of(ways: Sequence[tuple[float, float, float]], finds_jumps: bool = Fal
         middle = np.median(np.lib.stride_tricks.sliding_window_view(single, _UPDATES), axis=1)
         if (jump := float(np.ptp(middle))) > _LARGEST_JUMP:
             raise HapticError(f"its clock jumps against the server's, by {jump:.3f} s")
-    return Clock(float(offset), float(rate), origin, float(np.median(np.abs(single))))
+    return Clock(float(offset), float(rate), origin, float(np.median(np.abs(single))), bool(known.any()))

@@ -57,6 +57,9 @@ def _marks_and_clocks(about: dict[str, Any]) -> list[str]:
     errors = [each["clock_error"] for each in about["episodes"] if each["clock_error"] is not None]
     if errors:
         lines.append(f"clocks: single updates are {1e3 * max(errors):.2f} ms from what is taken for the simulator's against the server's")
+    if ageless := sum(not each["has_age"] for each in about["episodes"] if each["clock_error"] is not None):
+        lines.append(f"clocks: in {ageless} episodes the server attributed no age to updates: without a network's delay that is right, "
+                     "otherwise they are off by it")
     return lines
 
 
