@@ -131,7 +131,8 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
              "with the simulated device");
   table.not_in_files();
   table.group("Recording");
-  table.file("record", options.record, "Write all datagrams to this capture file, pcap");
+  table.file("record", options.record,
+             "Write all datagrams to this capture file, .pcap, or packed .pcap.gz");
   table.file("log", options.log, "Write every tick's signals to this file, CSV");
   table.text("recordings", options.recordings, "DIRECTORY",
              "Where the last 10 s of every tick are written on a fault or SIGUSR1. Unset: "

@@ -2,11 +2,16 @@
 
 #include <array>
 #include <cassert>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <limits>
+#include <new>
 #include <stdexcept>
 
 #include <pcap/pcap.h>
+#include <unistd.h>
+#include <zlib.h>
 
 #include "hlm/protocol/transport/ip_packet.h"
 
@@ -17,8 +22,7 @@ constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
 /// Snapshot length as tcpdump's; a packet is never cut.
 constexpr int kSnapshotLength = 262'144;
 
-/// Latest stamp, s since the epoch: in the year 2262, the last of which the nanoseconds are a
-/// number.
+/// Latest stamp, s since the epoch: in 2262, the last of which the nanoseconds are a number.
 constexpr std::int64_t kLatestStamp =
     std::numeric_limits<std::int64_t>::max() / kNanosecondsPerSecond - 1;
 
@@ -27,10 +31,33 @@ bool is_stamp(const timeval& time) {
          time.tv_usec < kNanosecondsPerSecond;
 }
 
-/// One line about a file.
 std::runtime_error file_error(const std::string& action, const std::string& path,
                               const std::string& why) {
   return std::runtime_error("cannot " + action + " capture file '" + path + "': " + why);
+}
+
+/// "-" is the process's standard stream of that number.
+gzFile open(const std::string& action, const std::string& path, const char* mode, int standard) {
+  errno = ENOMEM;  // zlib's only other reason.
+  const gzFile file = path == "-" ? gzdopen(dup(standard), mode) : gzopen(path.c_str(), mode);
+  if (file == nullptr) throw file_error(action, path, std::strerror(errno));
+  return file;
+}
+
+/// What libpcap reads or writes; it closes `file`.
+std::FILE* stream(gzFile file, const char* mode) {
+  std::FILE* const made = fopencookie(
+      file, mode,
+      {.read = [](void* of, char* bytes, std::size_t size) -> ssize_t {
+         return gzread(static_cast<gzFile>(of), bytes, static_cast<unsigned>(size));
+       },
+       .write = [](void* of, const char* bytes, std::size_t size) -> ssize_t {
+         return gzwrite(static_cast<gzFile>(of), bytes, static_cast<unsigned>(size));
+       },
+       .seek = nullptr,
+       .close = [](void* of) { return gzclose(static_cast<gzFile>(of)) == Z_OK ? 0 : EOF; }});
+  if (made == nullptr) throw std::bad_alloc();
+  return made;
 }
 
 }  // namespace
@@ -41,7 +68,9 @@ CaptureWriter::CaptureWriter(const std::filesystem::path& path) : path_(path.str
   const std::unique_ptr<pcap_t, decltype(&pcap_close)> format(
       pcap_open_dead_with_tstamp_precision(DLT_RAW, kSnapshotLength, PCAP_TSTAMP_PRECISION_NANO),
       &pcap_close);
-  file_.reset(pcap_dump_open(format.get(), path_.c_str()));
+  // The quickest way to pack, or none.
+  packed_ = open("write", path_, path_.ends_with(".gz") ? "wb1" : "wbT", STDOUT_FILENO);
+  file_.reset(pcap_dump_fopen(format.get(), stream(packed_, "wb")));
   if (!file_) throw file_error("write", path_, pcap_geterr(format.get()));
   flush();
 }
@@ -63,7 +92,7 @@ void CaptureWriter::write(std::int64_t time_ns, const Endpoint& from, const Endp
 }
 
 void CaptureWriter::flush() {
-  const bool flushed = pcap_dump_flush(file_.get()) == 0;
+  const bool flushed = pcap_dump_flush(file_.get()) == 0 && gzflush(packed_, Z_SYNC_FLUSH) == Z_OK;
   if (!flushed || std::ferror(pcap_dump_file(file_.get())) != 0) {
     throw file_error("write", path_, "the system refuses more data (is the disk full?)");
   }
@@ -73,8 +102,11 @@ void CaptureReader::Close::operator()(pcap* file) const noexcept { pcap_close(fi
 
 CaptureReader::CaptureReader(const std::filesystem::path& path) : path_(path.string()) {
   std::array<char, PCAP_ERRBUF_SIZE> why{};
-  file_.reset(pcap_open_offline_with_tstamp_precision(path_.c_str(), PCAP_TSTAMP_PRECISION_NANO,
-                                                      why.data()));
+  std::unique_ptr<std::FILE, decltype(&std::fclose)> unpacked(
+      stream(open("read", path_, "rb", STDIN_FILENO), "rb"), &std::fclose);
+  file_.reset(pcap_fopen_offline_with_tstamp_precision(unpacked.get(), PCAP_TSTAMP_PRECISION_NANO,
+                                                       why.data()));
+  if (file_) static_cast<void>(unpacked.release());  // It closes it.
   if (!file_) throw file_error("read", path_, why.data());
   link_type_ = pcap_datalink(file_.get());
   if (!is_known_link_type(link_type_)) {

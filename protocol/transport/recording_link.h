@@ -17,8 +17,7 @@ namespace hlm::protocol {
 std::int64_t wall_clock_ns() noexcept;
 
 /// Copies each datagram that passes `link`, with the time, into a bounded ring; what the link has
-/// refused it leaves out. One thread receives
-/// and sends, as on any link; another may drain the ring at the same time.
+/// refused it leaves out. One thread receives and sends; another may drain the ring meanwhile.
 class RecordingLink final : public DatagramLink {
  public:
   /// Channels of received datagrams; more than a server takes in one tick are not listed.

@@ -42,11 +42,13 @@ def record(recording, episodes):
 
 with tempfile.TemporaryDirectory() as name:
     folder = pathlib.Path(name)
-    record(folder / "run.pcap", folder / "episodes")
-    data = (folder / "run.pcap").read_bytes()
-    print(f"{SECONDS:g} s recorded: {len(data) / 1e6:.1f} MB, {3600 / SECONDS * len(data) / 1e9:.2f} GB an hour; by gzip -1 "
-          f"{3600 / SECONDS * len(gzip.compress(data, 1)) / 1e9:.2f}")
+    recording = folder / "run.pcap.gz"
+    record(recording, folder / "episodes")
+    with gzip.open(recording) as data:
+        plain = len(data.read())
+    for size, kind in ((recording.stat().st_size, ".pcap.gz"), (plain, "unpacked")):
+        print(f"{SECONDS:g} s recorded: {size / 1e6:.1f} MB, {3600 / SECONDS * size / 1e9:.2f} GB an hour {kind}")
     for form in FORMATS:
         begin = time.perf_counter()
-        haptic.dataset.convert([folder / "run.pcap"], [folder / "episodes"], form, folder / f"set.{form}", contacts=COUNT)
+        haptic.dataset.convert([recording], [folder / "episodes"], form, folder / f"set.{form}", contacts=COUNT)
         print(f"{form}: {time.perf_counter() - begin:.1f} s")

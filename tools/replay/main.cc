@@ -283,7 +283,8 @@ recorded.
 }
 
 void add_replay_options(settings::CommandLine& command_line, ReplayOptions& options) {
-  command_line.positional("CAPTURE", options.capture, "Capture file, pcap or pcapng");
+  command_line.positional("CAPTURE", options.capture,
+                          "Capture file, pcap or pcapng, packed by gzip or not");
   settings::Table& table = command_line.table();
   table.group("Replay");
   table.flag("offline", options.offline,

@@ -143,7 +143,8 @@ class CommandLine {
   void add_recording(Table& table) {
     table.group("Recording");
     table.file("record", first_.record,
-               "Write all datagrams of the session with --server to this capture file, pcap");
+               "Write all datagrams of the session with --server to this capture file, .pcap or "
+               "packed .pcap.gz");
     table.file("second-record", second_.record, "And of that with --second-server to this one");
     table.choice("log-level", settings_.log_level,
                  {"trace", "debug", "info", "warn", "error", "off"},

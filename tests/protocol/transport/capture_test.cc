@@ -74,7 +74,7 @@ unsigned folded_sum(const ByteVector& bytes) {
 
 TEST_CASE("What is written to a capture is read back, stamps to the nanosecond") {
   const test::TemporaryDirectory directory;
-  const auto path = directory / "written.pcap";
+  const auto path = directory / GENERATE("written.pcap", "packed.pcap.gz");
   test::Random random;
   std::vector<std::pair<std::int64_t, ByteVector>> written;
   {
@@ -139,7 +139,7 @@ TEST_CASE("A UDP checksum of zero is sent as its complement, because zero means 
 
 TEST_CASE("What was flushed can be read while the writer is still open") {
   const test::TemporaryDirectory directory;
-  const auto path = directory / "open.pcap";
+  const auto path = directory / GENERATE("open.pcap", "packed.pcap.gz");
   CaptureWriter writer(path);
   {
     CaptureReader empty(path);
@@ -307,6 +307,34 @@ TEST_CASE("A capture whose writer was interrupted yields all whole packets") {
   }
 }
 
+TEST_CASE(
+    "A packed capture is a quarter as large, and cut anywhere yields what was flushed before") {
+  const test::TemporaryDirectory directory;
+  const auto path = directory / "packed.pcap.gz";
+  constexpr int kCount = 100;
+  std::vector<std::uintmax_t> flushed;  // Sizes after each datagram.
+  CaptureWriter writer(path);
+  for (int i = 0; i < kCount; ++i) {
+    writer.write(i, kClient, kServer, ByteVector(200));
+    writer.flush();
+    flushed.push_back(std::filesystem::file_size(path));
+  }
+  const ByteVector bytes = test::read_file(path);
+  CHECK(bytes.size() < kCount * 200 / 4);
+  const auto cut = directory / "cut.pcap.gz";
+  for (std::size_t i = 0; i < kCount; ++i) {
+    for (const std::size_t beyond : {0, 1, 5}) {
+      test::write_file(cut, std::span(bytes).first(std::min(flushed[i] + beyond, bytes.size())));
+      CaptureReader reader(cut);
+      CHECK(test::read_all(reader).size() >= i + 1);
+    }
+  }
+  ByteVector damaged = bytes;
+  damaged[damaged.size() / 2] ^= std::byte{0xFF};
+  test::write_file(cut, damaged);
+  CHECK_THAT(error_of_reading(cut), ContainsSubstring(cut.string()));
+}
+
 TEST_CASE("A file that is no capture is refused with a line that names it") {
   const test::TemporaryDirectory directory;
   const auto text = directory / "text.pcap";
@@ -330,6 +358,10 @@ TEST_CASE("A capture file that cannot be written is refused with a line that nam
       ContainsSubstring("/nonexistent/directory/a.pcap") && ContainsSubstring("No such file"));
   // The device that is always full.
   CHECK_THAT(error_of_writing("/dev/full"), ContainsSubstring("/dev/full"));
+  const test::TemporaryDirectory directory;
+  const auto packed = directory / "full.pcap.gz";
+  std::filesystem::create_symlink("/dev/full", packed);
+  CHECK_THAT(error_of_writing(packed), ContainsSubstring("is the disk full?"));
 }
 
 }  // namespace

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import concurrent.futures
-import contextlib
-import gzip
 import json
 import os
 import pathlib
-import shutil
 import subprocess
 import tempfile
 from typing import IO, Iterator, NamedTuple, Sequence
@@ -42,8 +39,8 @@ def blocks(recording: str | os.PathLike[str], options: Sequence[str] = (), chang
     for option in options:
         if option.partition("=")[0].removeprefix("--") in _NOT_OF_A_SERVER:
             raise HapticError(f"{option} must be an option of haptic_server")
-    with _unpacked(file) as unpacked, tempfile.TemporaryFile() as errors:
-        command = [program("haptic_replay"), unpacked, "--offline", "--signals", "-", *options, *(changes or ())]
+    with tempfile.TemporaryFile() as errors:
+        command = [program("haptic_replay"), file, "--offline", "--signals", "-", *options, *(changes or ())]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as process:
             assert process.stdout
             try:
@@ -61,22 +58,6 @@ def blocks(recording: str | os.PathLike[str], options: Sequence[str] = (), chang
             if "recorded with other options" in said else "it is damaged, or lacks datagrams"))
     if process.returncode != 0:
         raise HapticError(f"{file}: {_last_line(said)}")
-
-
-@contextlib.contextmanager
-def _unpacked(file: str) -> Iterator[str]:
-    """The recording itself, of one that gzip has packed, too."""
-    if not file.endswith(".gz"):
-        yield file
-        return
-    with tempfile.NamedTemporaryFile(suffix=".pcap") as unpacked:
-        try:
-            with gzip.open(file) as packed:
-                shutil.copyfileobj(packed, unpacked, 1 << 20)
-            unpacked.flush()
-        except (OSError, EOFError) as error:
-            raise HapticError(f"{file} cannot be unpacked: {error}") from None
-        yield unpacked.name
 
 
 def _last_line(said: str) -> str:
