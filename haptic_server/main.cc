@@ -20,7 +20,6 @@
 #include "hlm/haptic_server/operation.h"
 #include "hlm/haptic_server/options.h"
 #include "hlm/haptic_server/program.h"
-#include "hlm/haptic_server/report/drop_log.h"
 #include "hlm/haptic_server/report/event_log.h"
 #include "hlm/haptic_server/report/run_summary.h"
 #include "hlm/haptic_server/report/status_line.h"
@@ -221,14 +220,12 @@ class Reports {
  public:
   Reports(const ServerOptions& options, const PeriodicLoop& loop, Operation& operation)
       : events_([&loop] { return loop.elapsed(); }),
-        drops_([&loop] { return loop.elapsed(); }),
         operation_(operation),
         shows_status_(options.status),
         limits_latency_(options.realtime.policy != RealtimePolicy::kOff) {}
 
   void observe(const TickRecord& record) {
     events_.observe(record);
-    drops_.observe(record);
     if (shows_status_) status_.observe(record);
     summary_.observe(record);
     operation_.observe(record);
@@ -243,7 +240,6 @@ class Reports {
 
  private:
   EventLog events_;
-  DropLog drops_;
   StatusLine status_{std::cerr, isatty(STDERR_FILENO) != 0};
   RunSummary summary_;
   CpuLatencyLimit latency_;

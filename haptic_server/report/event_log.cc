@@ -1,6 +1,11 @@
 #include "hlm/haptic_server/report/event_log.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <string>
+
+#include <spdlog/spdlog.h>
 
 namespace hlm::server {
 namespace {
@@ -18,7 +23,20 @@ std::string reason_of(const TickRecord& record) {
   return fmt::format("{}; {}", meaning_of(record.fade), remedy_of(record.fade));
 }
 
+/// What networks do to good datagrams.
+bool is_usual(protocol::DropReason reason) {
+  return reason == protocol::DropReason::kStale || reason == protocol::DropReason::kIncomplete;
+}
+
 }  // namespace
+
+void EventLog::log(const TickRecord& record, spdlog::level::level_enum level,
+                   std::string_view text) const {
+  using Clock = spdlog::log_clock;
+  const std::chrono::duration<double> age(std::max(0.0, now_() - record.time));
+  spdlog::default_logger_raw()->log(Clock::now() - std::chrono::duration_cast<Clock::duration>(age),
+                                    spdlog::source_loc{}, level, text);
+}
 
 void EventLog::observe(const TickRecord& record) {
   observe_session(record);
@@ -31,21 +49,37 @@ void EventLog::observe(const TickRecord& record) {
   }
   if (renders_force(record.server)) observe_health(record);
   observe_left_out(record);
+  observe_drops(record);
   state_ = record.server;
   fade_ = record.fade;
   session_ = record.session;
   open_ = record.session_open;
 }
 
+void EventLog::observe_drops(const TickRecord& record) {
+  if (record.time < next_drops_) return;
+  std::string fresh;
+  for (std::size_t i = 0; i < dropped_.size(); ++i) {
+    const std::uint64_t count = record.dropped_for[i] - dropped_[i];
+    const auto reason = static_cast<protocol::DropReason>(i);
+    if (count == 0 || is_usual(reason)) continue;
+    fresh += fmt::format("{}{} {} ({})", fresh.empty() ? "" : ", ", count, name_of(reason),
+                         meaning_of(reason));
+    dropped_[i] = record.dropped_for[i];
+  }
+  if (fresh.empty()) return;
+  log(record, spdlog::level::warn, "dropped datagrams: " + fresh);
+  next_drops_ = record.time + kDropPeriod;
+}
+
 void EventLog::observe_session(const TickRecord& record) const {
   if (open_ && !record.session_open) {
-    log_event(now_, record, spdlog::level::info, "the client said goodbye");
+    log(record, spdlog::level::info, "the client said goodbye");
   }
   if (!record.session_open || record.session == session_) return;
-  log_event(now_, record, spdlog::level::info,
-            fmt::format("session {:016x} begins", record.session));
+  log(record, spdlog::level::info, fmt::format("session {:016x} begins", record.session));
   if (record.missing_freedoms != 0) {
-    log_event(now_, record, spdlog::level::warn, describe_mismatch(record.missing_freedoms));
+    log(record, spdlog::level::warn, describe_mismatch(record.missing_freedoms));
   }
 }
 
@@ -55,20 +89,19 @@ void EventLog::observe_scene(const TickRecord& record) {
   scene_ = record.scene;
   next_scene_ = record.time + kScenePeriod;
   if (record.scene > 0) {
-    log_event(now_, record, spdlog::level::info,
-              fmt::format("scene {}: {} placements, {} pieces", record.scene, record.placements,
-                          record.pieces));
+    log(record, spdlog::level::info,
+        fmt::format("scene {}: {} placements, {} pieces", record.scene, record.placements,
+                    record.pieces));
   } else if (record.session_open) {
-    log_event(now_, record, spdlog::level::warn,
-              "no scene any more: its contacts took more time than a tick has; the client's own "
-              "come in their place");
+    log(record, spdlog::level::warn,
+        "no scene any more: its contacts took more time than a tick has; the client's own "
+        "come in their place");
   }
 }
 
 void EventLog::observe_left_out(const TickRecord& record) {
   if (record.left_out == 0 || record.time < next_left_out_) return;
-  log_event(
-      now_, record, spdlog::level::warn,
+  log(record, spdlog::level::warn,
       fmt::format("so much overlaps near the tool that a tick has no time for {} pairs of pieces "
                   "or contacts: the deepest come first",
                   record.left_out));
@@ -78,8 +111,8 @@ void EventLog::observe_left_out(const TickRecord& record) {
 void EventLog::observe_health(const TickRecord& record) {
   if (record.health == health_ || record.time < next_health_) return;
   const bool good = record.health == DeviceHealth::kGood;
-  log_event(now_, record, good ? spdlog::level::info : spdlog::level::warn,
-            fmt::format("the device: {}{}", meaning_of(record.health), because(record)));
+  log(record, good ? spdlog::level::info : spdlog::level::warn,
+      fmt::format("the device: {}{}", meaning_of(record.health), because(record)));
   health_ = record.health;
   next_health_ = record.time + kHealthPeriod;
 }
@@ -89,30 +122,30 @@ void EventLog::observe_refusals(const TickRecord& record) {
   const bool waits = record.server == ServerState::kArming || record.server == ServerState::kFading;
   const bool begins = record.fade == Fade::kUpdatesInvalid && fade_ != Fade::kUpdatesInvalid;
   if (!waits || !begins || record.time < next_refusal_) return;
-  log_event(now_, record, spdlog::level::warn, fmt::format("no force: {}", reason_of(record)));
+  log(record, spdlog::level::warn, fmt::format("no force: {}", reason_of(record)));
   next_refusal_ = record.time + kRefusalPeriod;
 }
 
 void EventLog::observe_state(const TickRecord& record) const {
   switch (record.server) {
     case ServerState::kOff:
-      return log_event(now_, record, spdlog::level::info,
-                       fmt::format("session {:016x} is over", record.session));
+      return log(record, spdlog::level::info,
+                 fmt::format("session {:016x} is over", record.session));
     case ServerState::kArming:
       return;
     case ServerState::kRamping:
-      return log_event(now_, record, spdlog::level::info,
-                       state_ == ServerState::kFading ? "the client is back: force rises"
-                                                      : "the first contacts: force rises");
+      return log(record, spdlog::level::info,
+                 state_ == ServerState::kFading ? "the client is back: force rises"
+                                                : "the first contacts: force rises");
     case ServerState::kActive:
-      return log_event(now_, record, spdlog::level::info, "force is on");
+      return log(record, spdlog::level::info, "force is on");
     case ServerState::kFading:
       if (record.fade == Fade::kClientLeft) return;
-      return log_event(now_, record, spdlog::level::warn,
-                       fmt::format("force fades to zero: {}", reason_of(record)));
+      return log(record, spdlog::level::warn,
+                 fmt::format("force fades to zero: {}", reason_of(record)));
     case ServerState::kFault:
-      return log_event(
-          now_, record, spdlog::level::err,
+      return log(
+          record, spdlog::level::err,
           fmt::format(
               "fault: {}{}; {}. Force is off until {}a person asks for a new session: restart "
               "ve_client, or press Reset on its page if that shows this tool",

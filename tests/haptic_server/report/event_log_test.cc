@@ -10,7 +10,6 @@
 #include <spdlog/sinks/base_sink.h>
 #include <spdlog/spdlog.h>
 
-#include "hlm/haptic_server/report/drop_log.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {
@@ -82,7 +81,7 @@ TEST_CASE("A line has the time of the tick that it tells of, however late it is 
 
 TEST_CASE("Dropped datagrams are told with the time of their tick") {
   const CapturedLog log;
-  DropLog drops([] { return kReadAt; });
+  EventLog drops([] { return kReadAt; });
   TickRecord record;
   record.time = 50;
   record.dropped_for[static_cast<std::size_t>(protocol::kFirstSealingReason)] = 3;
@@ -94,7 +93,7 @@ TEST_CASE("Dropped datagrams are told with the time of their tick") {
 
 TEST_CASE("Each reason for a drop is told with its count, at most once a second") {
   const CapturedLog log;
-  DropLog drops([] { return kReadAt; });
+  EventLog drops([] { return kReadAt; });
   TickRecord record;
   const auto drop = [&](protocol::DropReason reason, std::uint64_t count) {
     record.dropped_for[static_cast<std::size_t>(reason)] += count;
