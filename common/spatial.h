@@ -66,6 +66,11 @@ inline Matrix3 skew(const Vector3& a) noexcept {
   return m;
 }
 
+/// [a, a, a, b, b, b].
+inline Vector6 diagonal(double a, double b) noexcept {
+  return (Vector6() << Vector3::Constant(a), Vector3::Constant(b)).finished();
+}
+
 /// Rotation vector (axis times angle, rad) of R, angle in [0, π].
 inline Vector3 rotation_vector(const Quaternion& R) noexcept {
   // q and -q are one rotation; w >= 0 selects the shorter way round.

@@ -7,12 +7,6 @@
 namespace hlm::server {
 namespace {
 
-Vector6 diagonal(double linear, double angular) noexcept {
-  Vector6 values;
-  values << Vector3::Constant(linear), Vector3::Constant(angular);
-  return values;
-}
-
 /// Coordinates of the tool's one moving joint for X_JL, the pose of its link in its frame.
 Configuration joint_coordinates(const Link& link, const Pose& X_JL) noexcept {
   const Vector3 r = rotation_vector(X_JL.R);

@@ -9,13 +9,6 @@
 namespace hlm::server {
 namespace {
 
-/// [a, a, a, b, b, b].
-Vector6 diagonal(double linear, double angular) noexcept {
-  Vector6 values;
-  values << Vector3::Constant(linear), Vector3::Constant(angular);
-  return values;
-}
-
 double inverse(double inertia) noexcept { return inertia > 0 ? 1 / inertia : 0; }
 
 Pose moved(const Pose& X, const Vector6& moves) noexcept {

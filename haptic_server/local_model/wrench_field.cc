@@ -51,12 +51,6 @@ Vector6 WrenchField::scaled_force(const Wrench& F) const noexcept {
   return f;
 }
 
-Vector6 WrenchField::diagonal(double Response::*part) const noexcept {
-  Vector6 d;
-  d << Vector3::Constant(linear_.*part), Vector3::Constant(angular_.*part);
-  return d;
-}
-
 void WrenchField::report(const WrenchReport& report) noexcept {
   // The first has no velocity before it, the second no acceleration.
   const double period = report.time - learned_.time;
@@ -84,8 +78,9 @@ void WrenchField::learn(const Vector6& moved, const Vector6& change_V, const Vec
                         const Vector6& change_F) noexcept {
   linear_.learn(change_V.head<3>(), change_A.head<3>(), change_F.head<3>());
   angular_.learn(change_V.tail<3>(), change_A.tail<3>(), change_F.tail<3>());
-  learn_stiffness(moved, -change_F - diagonal(&Response::damping).cwiseProduct(change_V) -
-                             diagonal(&Response::inertia).cwiseProduct(change_A));
+  learn_stiffness(moved, -change_F -
+                             diagonal(linear_.damping, angular_.damping).cwiseProduct(change_V) -
+                             diagonal(linear_.inertia, angular_.inertia).cwiseProduct(change_A));
 }
 
 /// Least squares with a little regularisation; a negative part is none.
@@ -154,8 +149,8 @@ void WrenchField::bound(double most) noexcept {
 WrenchField::Step WrenchField::begin_step(const Pose& X_WL, const Twist& V_W, double dt,
                                           double most) noexcept {
   V_ = scaled(V_W);
-  const Vector6 b = diagonal(&Response::damping);
-  const Vector6 m = diagonal(&Response::inertia);
+  const Vector6 b = diagonal(linear_.damping, angular_.damping);
+  const Vector6 m = diagonal(linear_.inertia, angular_.inertia);
   reported_ = std::max(reported_ * std::exp(-dt / kRise), scaled_force(latest_.F_W).norm());
   const double believed = kExcess * reported_ + kLeastBound;
   step_.stiffness = K_;

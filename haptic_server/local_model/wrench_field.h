@@ -64,7 +64,6 @@ class WrenchField {
 
   Vector6 scaled(const Vector6& motion) const noexcept;
   Vector6 scaled_force(const Wrench& F) const noexcept;
-  Vector6 diagonal(double Response::*part) const noexcept;
   void learn(const Vector6& moved, const Vector6& change_V, const Vector6& change_A,
              const Vector6& change_F) noexcept;
   void learn_stiffness(const Vector6& moved, const Vector6& resisted) noexcept;

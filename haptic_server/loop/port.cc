@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "hlm/haptic_server/safety/force_budget.h"
 #include "hlm/haptic_server/safety/model_energy.h"
 
 namespace hlm::server {
@@ -32,26 +31,21 @@ void describe(const DeviceState& device, Device& of, TickRecord& record) noexcep
   if (device.health != DeviceHealth::kGood) record.cause = of.cause();
 }
 
-ForceBudget budget_of(const ServoOptions& options, const Device& device) noexcept {
-  return ForceBudget::of(options.limits, device.ratings(), 1 / options.rate);
-}
-
 }  // namespace
 
 Port::Port(const ServoOptions& options, Device& device) noexcept
     : device_(device),
       limiter_(options.limits, device.ratings(), 1 / options.rate),
-      energy_(device.ratings(), budget_of(options, device).energy.capacity, 1 / options.rate),
+      energy_(device.ratings(), limiter_.budget().energy.capacity, 1 / options.rate),
       handle_(options.handle),
-      largest_force_(budget_of(options, device).max_force),
-      largest_step_(budget_of(options, device).max_force_step) {}
+      grip_(limiter_.budget(), device.ratings(), 1 / options.rate) {}
 
 void Port::begin(const Pose& X_WH) noexcept {
   device_.align(X_WH);
   device_.enable();
   limiter_.restart();
   energy_.begin();
-  grip_ = 0;
+  grip_.begin();
   halted_ = false;
   clutched_ = false;
 }
@@ -59,18 +53,13 @@ void Port::begin(const Pose& X_WH) noexcept {
 void Port::allow(bool force) noexcept { limiter_.allow(force && !clutched_); }
 
 void Port::grip(double force) noexcept {
-  if (ratings().max_gripper_force == 0) return;
-  const double most = std::min(ratings().max_gripper_force, largest_force_);
-  const double wanted =
-      std::isfinite(force) ? limiter_.portion() * std::clamp(force, -most, most) : 0;
-  grip_ += std::clamp(wanted - grip_, -largest_step_, largest_step_);
-  device_.grip(grip_);
+  if (ratings().max_gripper_force > 0) device_.grip(grip_.limit(force, limiter_.portion()));
 }
 
 /// No force, which then rises from none.
 void Port::drop() noexcept {
   limiter_.cut();
-  grip_ = 0;
+  grip_.drop();
   device_.grip(0);
 }
 
@@ -105,6 +94,7 @@ Fault Port::observe(const DeviceState& device, TickRecord& record) noexcept {
                                         ratings().rotation_scale);
   // For how long of a stall the motors were on is not known: only what they may have given counts.
   if (halted_ && limiter_.work_until(device.X_WD) < 0) drop();
+  if (device.gripper) grip_.observe(*device.gripper, halted_);
   limiter_.observe(device.X_WD, energy_.supply());
   record.port = limiter_.ledger();
   record.port_bound = limiter_.energy_bound();
@@ -112,7 +102,7 @@ Fault Port::observe(const DeviceState& device, TickRecord& record) noexcept {
   energy_.observe(device.X_WD, device.V_WD, record.port);
   record.brought = energy_.brought();
   if (beyond != Fault::kNone) return beyond;
-  if (limiter_.overdrawn()) return Fault::kEnergy;
+  if (limiter_.overdrawn() || grip_.overdrawn()) return Fault::kEnergy;
   // Force rises again from zero when the motors are on again.
   const bool halted = std::exchange(halted_, false);
   if (halted) device_.enable();

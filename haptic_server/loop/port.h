@@ -10,6 +10,7 @@
 #include "hlm/haptic_server/loop/servo_options.h"
 #include "hlm/haptic_server/report/tick_record.h"
 #include "hlm/haptic_server/safety/energy_account.h"
+#include "hlm/haptic_server/safety/grip_port.h"
 #include "hlm/haptic_server/safety/limiter.h"
 
 namespace hlm::server {
@@ -34,7 +35,10 @@ class Port {
   void halt() noexcept { halted_ = true; }
   bool halted() const noexcept { return halted_; }
   /// A fault is over: force may rise again from zero.
-  void settle() noexcept { limiter_.settle(); }
+  void settle() noexcept {
+    limiter_.settle();
+    grip_.settle();
+  }
   /// No force at once, motors off.
   void cut() noexcept;
   /// Motors off, as a session ends.
@@ -53,8 +57,8 @@ class Port {
                const DeviceState& device, bool twice) noexcept;
   /// An update changed the energy in the springs of contacts, J.
   void adopted(double before, double after) noexcept { energy_.adopted(before, after); }
-  /// The gripper of the next write() opens with so much, N at its finger, and with no more than its
-  /// rating and the largest force; it rises, fades and changes as force does.
+  /// The gripper of the next write() opens with so much, N at its finger, and with no more than
+  /// GripPort allows; it rises and fades as force does.
   void grip(double force) noexcept;
   /// Gives the device what it may have of the wrenches u, the impulse's and the weight's. A fault
   /// where that is no number or the device does not take it.
@@ -68,7 +72,7 @@ class Port {
   ForceLevel level() const noexcept { return limiter_.level(); }
   ForceLimit limited_by() const noexcept { return limiter_.limited_by(); }
   /// That the device gets, N.
-  double largest_force() const noexcept { return largest_force_; }
+  double largest_force() const noexcept { return limiter_.budget().max_force; }
   /// Why the device failed.
   const char* cause() const noexcept { return cause_ != nullptr ? cause_ : device_.cause(); }
   /// The exchange in the present tick.
@@ -83,10 +87,8 @@ class Port {
   Limiter limiter_;
   EnergyAccount energy_;
   HandleLimits handle_;
-  double largest_force_;
-  double largest_step_;          ///< Change of force in a tick, N.
+  GripPort grip_;
   Pose X_WStart_;                ///< Handle, as the session began, or the clutch was let go.
-  double grip_ = 0;              ///< What its gripper has, N.
   bool halted_ = false;          ///< The guard has taken the motors off since the tick before.
   bool clutched_ = false;        ///< Whether the device was clutched when last read.
   const char* cause_ = nullptr;  ///< Null: the device says it itself.

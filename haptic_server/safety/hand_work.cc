@@ -3,10 +3,11 @@
 namespace hlm::server {
 
 HandWork::HandWork(const DeviceRatings& device, double capacity) noexcept
-    : scale_(device.scale), capacity_(capacity), waiting_(capacity) {
-  inertia_ << Vector3::Constant(device.mass), Vector3::Constant(device.inertia);
-  damping_ << Vector3::Constant(device.damping), Vector3::Zero();
-}
+    : inertia_(diagonal(device.mass, device.inertia)),
+      damping_(diagonal(device.damping, 0)),
+      scale_(device.scale),
+      capacity_(capacity),
+      waiting_(capacity) {}
 
 void HandWork::observe(const Pose& X_WD, const Twist& V_WD, double given) noexcept {
   const double kinetic = V_WD.dot(inertia_.cwiseProduct(V_WD)) / 2 / scale_;

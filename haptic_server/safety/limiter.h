@@ -63,6 +63,7 @@ class Limiter {
   double explained(double power) const noexcept {
     return std::clamp(power / scale_, 0.0, budget_.max_power + budget_.max_turning_power) * dt_;
   }
+  const ForceBudget& budget() const noexcept { return budget_; }
   const PortLedger& ledger() const noexcept { return tank_.ledger(); }
   /// What the port never exceeds: EnergyTank::bound(), J, and power in the long run, W.
   double energy_bound() const noexcept { return tank_.bound(); }

@@ -13,19 +13,15 @@
 #include "hlm/haptic_server/device/device_choice.h"
 #include "hlm/haptic_server/device/observed_device.h"
 #include "hlm/haptic_server/device/simulated_device.h"
-#include "hlm/haptic_server/loop/servo.h"
-#include "tests/protocol/queue_link.h"
+#include "tests/haptic_server/loop/wall_client.h"
 #include "tests/support/catch.h"
-#include "tests/support/random_tool.h"
 
 namespace hlm::server {
 namespace {
 
-constexpr double kPeriod = 1e-3;  // s
-constexpr double kWall = 0.01;    // m: x of the wall
-constexpr int kFrame = 16;        // ticks of a frame of the client
-constexpr double kToolMass = 1;   // kg
-constexpr protocol::Endpoint kClient{.address = 0x0A000002, .port = 50000};
+using test::kPeriod;
+using test::kToolMass;
+using test::kWall;
 
 struct Row {
   std::string driver;
@@ -106,51 +102,6 @@ struct Task {
   double duration = 5;  // s
 };
 
-/// A client whose tool follows the proxy up to the wall.
-class Client {
- public:
-  explicit Client(bool has_wall) : has_wall_(has_wall) {
-    protocol::Hello hello;
-    hello.nonce = 1;
-    hello.tool = test::rigid_tool(kToolMass, Matrix3::Identity() * 2e-3, JointType::kPlanar);
-    hello.q = Configuration::Zero(3);
-    hello.ve_rate = 1 / (kFrame * kPeriod);
-    link_.deliver(kClient, {.sequence = 1}, hello);
-  }
-  test::QueueLink& link() { return link_; }
-  void send(std::uint64_t session) {
-    protocol::ContactUpdate update;
-    update.q_VE = Vector3(x_, 0, 0);
-    update.v_VE = Vector3(v_, 0, 0);
-    update.ve_period = kFrame * kPeriod;
-    update.echo_step = echo_;
-    if (has_wall_) {
-      ReportedContact wall;
-      wall.identity = 1;
-      wall.n_W = {-1, 0, 0};
-      wall.p_WC = {kWall, 0, 0};
-      wall.separation = kWall - x_;
-      update.contacts.push_back(wall);
-    }
-    link_.deliver(kClient, {.session = session, .sequence = ++sequence_}, update);
-  }
-  void follow(const TickRecord& record) {
-    const double before = x_;
-    x_ = has_wall_ ? std::min(record.X_WP.p.x(), kWall) : record.X_WP.p.x();
-    v_ = (x_ - before) / (kFrame * kPeriod);
-    echo_ = record.step;
-    link_.forget_sent();
-  }
-
- private:
-  bool has_wall_;
-  test::QueueLink link_;
-  std::uint64_t sequence_ = 0;
-  std::uint64_t echo_ = 0;
-  double x_ = 0;  // Of its tool, m.
-  double v_ = 0;
-};
-
 struct Outcome {
   ControllerGains gains;
   std::vector<TickRecord> ticks;
@@ -169,21 +120,12 @@ Outcome run(const Row& row, const Task& task, bool keeps = false) {
     lower_stiffness(options.controller, device->ratings(), kPeriod, options.gains,
                     options.local_model);
   }
-  Client client(task.wall > 0);
-  protocol::ServerSession session(client.link(), {});
-  Servo servo(options, 0, session, *device);
   Outcome outcome{.gains = options.gains, .ticks = {}};
   const int ticks = static_cast<int>(task.duration / kPeriod);
-  for (int i = 0; i < ticks; ++i) {
-    if (i > 0 && i % kFrame == 0) client.send(session.id());
-    Timing timing;
-    timing.tick = static_cast<std::uint64_t>(i);
-    timing.scheduled = timing.begin = i * kPeriod;
-    const TickRecord record = servo.tick(timing);
-    if (i % kFrame == 0) client.follow(record);
+  test::WallClient(task.wall > 0).run(options, *device, ticks, [&](int, const TickRecord& record) {
     if (record.fault != Fault::kNone) outcome.fault = record.fault;
     outcome.ticks.push_back(record);
-  }
+  });
   return outcome;
 }
 

@@ -8,18 +8,14 @@
 
 #include "hlm/haptic_server/control/stiffness_bound.h"
 #include "hlm/haptic_server/device/simulated_device.h"
-#include "hlm/haptic_server/loop/servo.h"
-#include "tests/protocol/queue_link.h"
+#include "tests/haptic_server/loop/wall_client.h"
 #include "tests/support/catch.h"
-#include "tests/support/random_tool.h"
 
 namespace hlm::server {
 namespace {
 
-constexpr double kPeriod = 1e-3;  // s
-constexpr double kWall = 0.01;    // m: x of the wall
-constexpr int kFrame = 16;        // ticks of a frame of the client
-constexpr protocol::Endpoint kClient{.address = 0x0A000002, .port = 50000};
+using test::kPeriod;
+using test::kWall;
 
 /// The device with another velocity: the mean over the last 20 ms, as vendors' estimators give it.
 class MeanVelocity final : public Device {
@@ -84,55 +80,6 @@ struct Outcome {
   bool fault = false;
 };
 
-/// A client whose tool follows the proxy up to the wall.
-class Client {
- public:
-  explicit Client(const Case& c) : contacts_(c.contacts), lever_(c.contacts > 1 ? c.lever : 0) {
-    protocol::Hello hello;
-    hello.nonce = 1;
-    hello.tool = test::rigid_tool(1, Matrix3::Identity() * 2e-3, JointType::kPlanar);
-    hello.q = Configuration::Zero(3);
-    hello.ve_rate = 1 / (kFrame * kPeriod);
-    link_.deliver(kClient, {.sequence = 1}, hello);
-  }
-
-  test::QueueLink& link() { return link_; }
-
-  void send(std::uint64_t session) {
-    protocol::ContactUpdate update;
-    update.q_VE = Vector3(x_, 0, 0);
-    update.v_VE = Vector3(v_, 0, 0);
-    update.ve_period = kFrame * kPeriod;
-    update.echo_step = echo_;
-    for (int i = 0; i < contacts_; ++i) {
-      ReportedContact wall;
-      wall.identity = static_cast<std::uint64_t>(i + 1);
-      wall.n_W = {-1, 0, 0};
-      wall.p_WC = {kWall, lever_ * (i % 2 == 0 ? 1 : -0.75), 0};
-      wall.separation = kWall - x_;
-      update.contacts.push_back(wall);
-    }
-    link_.deliver(kClient, {.session = session, .sequence = ++sequence_}, update);
-  }
-
-  void follow(const TickRecord& record) {
-    const double before = x_;
-    x_ = std::min(record.X_WP.p.x(), kWall);
-    v_ = (x_ - before) / (kFrame * kPeriod);
-    echo_ = record.step;
-    link_.forget_sent();
-  }
-
- private:
-  int contacts_;
-  double lever_;
-  test::QueueLink link_;
-  std::uint64_t sequence_ = 0;
-  std::uint64_t echo_ = 0;
-  double x_ = 0;  // Of its tool, m.
-  double v_ = 0;
-};
-
 std::unique_ptr<Device> device_of(const Case& c) {
   SimulatedDeviceOptions options;
   options.delay = c.delay;
@@ -151,10 +98,6 @@ Outcome press(const Case& c, double duration = 5) {
   if (c.lowered) {
     lower_stiffness(c.controller, device->ratings(), kPeriod, options.gains, options.local_model);
   }
-  Client client(c);
-  protocol::ServerSession session(client.link(), {});
-  Servo servo(options, 0, session, *device);
-
   Outcome outcome;
   outcome.stiffness = traits(c.controller).replaces_proxy ? options.local_model.max_hand_stiffness
                                                           : options.gains.stiffness;
@@ -162,19 +105,14 @@ Outcome press(const Case& c, double duration = 5) {
   double most = -1e9;
   const int ticks = static_cast<int>(duration / kPeriod);
   const int last = ticks - static_cast<int>(2 / kPeriod);
-  for (int i = 0; i < ticks; ++i) {
-    if (i > 0 && i % kFrame == 0) client.send(session.id());
-    Timing timing;
-    timing.tick = static_cast<std::uint64_t>(i);
-    timing.scheduled = timing.begin = i * kPeriod;
-    const TickRecord record = servo.tick(timing);
-    if (i % kFrame == 0) client.follow(record);
+  test::WallClient client(c.contacts, c.contacts > 1 ? c.lever : 0);
+  client.run(options, *device, ticks, [&](int i, const TickRecord& record) {
     outcome.fault |= record.fault != Fault::kNone;
-    if (i < last) continue;
+    if (i < last) return;
     const double place = record.X_WD.p.x() + c.lever * rotation_vector(record.X_WD.R).z();
     least = std::min(least, place);
     most = std::max(most, place);
-  }
+  });
   outcome.sway = most - least;
   return outcome;
 }
