@@ -10,6 +10,7 @@
 #include <benchmark/benchmark.h>
 
 #include "hlm/haptic_server/local_model/local_model.h"
+#include "tests/support/placed_shape.h"
 
 namespace hlm::server {
 namespace {
@@ -18,16 +19,6 @@ constexpr double kStep = 1e-3;  // s
 constexpr double kEdge = 0.04;  // m
 constexpr double kTray = 0.01;  // m, height of the tray
 
-PlacedShape box(const Vector3& size, ContactSide side) {
-  PlacedShape one;
-  one.shape = std::make_shared<geometry::ShapeParts>(
-      geometry::parts_of(geometry::AnyShape(geometry::Shape(geometry::Box{size})), "tower",
-                         geometry::MeshUse::kSolids));
-  one.side = side;
-  one.friction = {0.5};
-  return one;
-}
-
 /// Cubes of 0.3 kg on each other, sixteen in two columns, on a tray that a spring holds and moves
 /// to and fro.
 void Tower(benchmark::State& state) {
@@ -35,12 +26,12 @@ void Tower(benchmark::State& state) {
   tool.links.emplace_back().mass = 0.5;
   tool.links[0].I_LCom = Matrix3::Identity() * 1e-3;
   tool.links[0].joint = JointType::kFree;
-  std::vector<PlacedShape> shapes{box({0.1, 0.1, kTray}, {SideKind::kToolLink, 0})};
+  std::vector<PlacedShape> shapes{test::rough_box({0.1, 0.1, kTray}, {SideKind::kToolLink, 0})};
   std::vector<BodyInertia> inertias;
   BodyPoses poses;
   const std::uint32_t columns = state.range(0) > 8 ? 4 : 1;
   for (std::uint32_t i = 0; i < static_cast<std::uint32_t>(state.range(0)); ++i) {
-    shapes.push_back(box(Vector3::Constant(kEdge), {SideKind::kMovableBody, i}));
+    shapes.push_back(test::rough_box(Vector3::Constant(kEdge), {SideKind::kMovableBody, i}));
     inertias.push_back({.body = i,
                         .mass = 0.3,
                         .I_BCom = 0.3 * kEdge * kEdge / 6 * Matrix3::Identity(),

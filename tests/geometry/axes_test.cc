@@ -54,7 +54,8 @@ double true_separation(const Placed& tool, const Placed& body) {
 
 }  // namespace
 
-TEST_CASE("Wherever the tool goes within epsilon its axes tell whether boxes are apart") {
+TEST_CASE("Wherever the tool goes within epsilon its axes tell whether boxes are apart",
+          "[optimised]") {
   Random random;
   int tried = 0;
   while (tried < 3000) {
@@ -92,7 +93,8 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("Each near axis of two boxes is one to the forces with an axis that bears") {
+TEST_CASE("Each near axis of two boxes is one to the forces with an axis that bears",
+          "[optimised]") {
   Random random;
   int in_chain = 0;  // Axes nearer to one that does not bear than to any that does.
   for (int i = 0; i < 3000; ++i) {
@@ -144,7 +146,8 @@ TEST_CASE("Each near axis of two boxes is one to the forces with an axis that be
   CHECK(in_chain > 100);
 }
 
-TEST_CASE("Wherever the tool goes within epsilon its axes tell how deep hulls overlap") {
+TEST_CASE("Wherever the tool goes within epsilon its axes tell how deep hulls overlap",
+          "[optimised]") {
   constexpr double kNear = 0.005;  // m, epsilon.
   Random random;
   int tried = 0;
@@ -172,7 +175,8 @@ TEST_CASE("Wherever the tool goes within epsilon its axes tell how deep hulls ov
   CHECK(too_deep < 80);
 }
 
-TEST_CASE("The axes of a disc that leans over an edge tell its depth, now and after a small turn") {
+TEST_CASE("The axes of a disc that leans over an edge tell its depth, now and after a small turn",
+          "[optimised]") {
   constexpr double kNear = 0.005;  // m, epsilon.
   const Placed block{Box{Vector3(0.2, 0.2, 0.1)},
                      {Vector3(-0.1, 0, -0.05), Quaternion::Identity()}};

@@ -99,7 +99,8 @@ TEST_CASE("Climbing finds the farthest vertex of a hull of any size") {
   }
 }
 
-TEST_CASE("The separation of hulls is that of the origin from the hull of all differences") {
+TEST_CASE("The separation of hulls is that of the origin from the hull of all differences",
+          "[optimised]") {
   Random random;
   ProximityStatistics statistics;
   int compared = 0;
@@ -151,8 +152,8 @@ TEST_CASE("A hull of a box's corners touches as the box does") {
   CHECK(compared > 500);
 }
 
-TEST_CASE(
-    "A bar of 64 sides stands on a spread part of its rim, and rocks without other contacts") {
+TEST_CASE("A bar of 64 sides stands on a spread part of its rim, and rocks without other contacts",
+          "[optimised]") {
   Random random;
   const Hull bar = prism(64, 0.02, 0.06);
   const Placed floor{Box{Vector3(0.4, 0.4, 0.1)},
@@ -173,7 +174,8 @@ TEST_CASE(
   CHECK(changes == 0);
 }
 
-TEST_CASE("A ball beside the rim of a bar of 85 sides keeps its contact's identity") {
+TEST_CASE("A ball beside the rim of a bar of 85 sides keeps its contact's identity",
+          "[optimised]") {
   constexpr int kSides = 85;
   Random random;
   const Placed bar{prism(kSides, 0.05, 0.06), Pose{}};
@@ -195,7 +197,7 @@ TEST_CASE("A ball beside the rim of a bar of 85 sides keeps its contact's identi
   }
 }
 
-TEST_CASE("The deepest contact of hulls keeps its identity over small steps") {
+TEST_CASE("The deepest contact of hulls keeps its identity over small steps", "[optimised]") {
   const auto deepest = [](const Manifold& manifold) {
     const auto found = std::min_element(
         manifold.begin(), manifold.end(),

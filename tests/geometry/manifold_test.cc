@@ -177,7 +177,8 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("The lowest contact of a disc that leans keeps its identity while the disc rolls") {
+TEST_CASE("The lowest contact of a disc that leans keeps its identity while the disc rolls",
+          "[optimised]") {
   const Convex disc(Cylinder{0.05, 0.01});
   const Convex slab(kSlab);
   const Key rim{{FeatureKind::kEdge, 0, 17}, {FeatureKind::kFace, 0, 5}};

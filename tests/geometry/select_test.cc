@@ -145,7 +145,8 @@ TEST_CASE("Contacts of one face within a millimetre are one: that of the smalles
   CHECK(std::ranges::count_if(kept, [](const auto& c) { return c.key.a_feature.index == 5; }) == 0);
 }
 
-TEST_CASE("A tremor of 5 µm changes no identity among too many contacts or in a cluster") {
+TEST_CASE("A tremor of 5 µm changes no identity among too many contacts or in a cluster",
+          "[optimised]") {
   for (const double pitch : {0.02, 0.001}) {
     ContactSelection selection;
     Random random;

@@ -289,7 +289,7 @@ TEST_CASE("Moving both shapes rigidly moves their contacts with them") {
   }
 }
 
-TEST_CASE("Small cylinders at touch are never refused, and exact to a micrometre") {
+TEST_CASE("Small cylinders at touch are never refused, and exact to a micrometre", "[optimised]") {
   Random random;
   ProximityStatistics statistics;
   for (int i = 0; i < 3000; ++i) {

@@ -185,13 +185,17 @@ class Client:
                 break
         return found
 
-    def ask(self, patience=0.3, **changes):
-        """The welcome or reject that answers a hello; None for silence."""
-        self.hello(**changes)
+    def ask(self, patience=3, **changes):
+        """The welcome or reject that answers a hello, which is repeated as the document has it; None for silence."""
         def answers_it(message, values):
             return message in ("welcome", "reject") and values["nonce"] == changes.get("nonce", self.nonce)
-        found = self.answers(patience, answers_it)
-        return found[-1] if found and answers_it(*found[-1]) else None
+        end = time.monotonic() + patience
+        while (left := end - time.monotonic()) > 0:
+            self.hello(**changes)
+            found = self.answers(min(left, 0.3), answers_it)
+            if found and answers_it(*found[-1]):
+                return found[-1]
+        return None
 
     def begin(self, **changes):
         message, welcome = self.ask(**changes)

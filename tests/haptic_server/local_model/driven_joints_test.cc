@@ -97,7 +97,8 @@ struct Bench {
   Configuration q_VE;
 };
 
-TEST_CASE("A servo takes the jaws to its target, and what leads them is the device's gripper") {
+TEST_CASE("A servo takes the jaws to its target, and what leads them is the device's gripper",
+          "[optimised]") {
   Bench bench(0.03);
   JointDrives drives{servo(0.01)};
   bench.update(drives);
@@ -114,7 +115,8 @@ TEST_CASE("A servo takes the jaws to its target, and what leads them is the devi
   CHECK(bench.q() == Approx(0.01).margin(1e-6));
 }
 
-TEST_CASE("Jaws that close on something press as their servo does, and the hand feels nothing") {
+TEST_CASE("Jaws that close on something press as their servo does, and the hand feels nothing",
+          "[optimised]") {
   const double target = GENERATE(0.012, 0.0);  // m: within the servo's force, and beyond it
   Bench bench(0.021);
   bench.update({servo(target)}, {wall(1, 0.02), wall(2, 0.02)});
@@ -130,7 +132,8 @@ TEST_CASE("Jaws that close on something press as their servo does, and the hand 
   CHECK(pressed == Approx(due).epsilon(1e-3));
 }
 
-TEST_CASE("The hand feels what pushes the jaws as a whole, whatever their servo bears") {
+TEST_CASE("The hand feels what pushes the jaws as a whole, whatever their servo bears",
+          "[optimised]") {
   Bench bench(0.021);
   bench.update({servo(0.012)}, {wall(1, 0.02), wall(2, 0.02)});
   bench.run(2000);
@@ -147,7 +150,7 @@ TEST_CASE("The hand feels what pushes the jaws as a whole, whatever their servo 
   CHECK(bench.model.velocity().norm() < 1e-4);
 }
 
-TEST_CASE("Jaws stop at their limits, and a loose one goes where it is pushed") {
+TEST_CASE("Jaws stop at their limits, and a loose one goes where it is pushed", "[optimised]") {
   Bench bench(0.01);
   bench.update({}, {wall(1, 0.01)});
   HandInput hand;
@@ -164,7 +167,8 @@ TEST_CASE("Jaws stop at their limits, and a loose one goes where it is pushed") 
   CHECK(bench.model.velocity().norm() < 1e-4);
 }
 
-TEST_CASE("A drive at its largest force is a constant force, and leaves it without a jump") {
+TEST_CASE("A drive at its largest force is a constant force, and leaves it without a jump",
+          "[optimised]") {
   Bench bench(0.021);
   bench.update({servo(0.0)}, {wall(1, 0.02), wall(2, 0.02)});
   bench.run(2000);
@@ -179,7 +183,8 @@ TEST_CASE("A drive at its largest force is a constant force, and leaves it witho
   CHECK(largest < 0.3);  // N, in a step in which the target moves by 0.08 N
 }
 
-TEST_CASE("At its limit a jaw that touches nothing has no grip, whatever its coordinate's unit") {
+TEST_CASE("At its limit a jaw that touches nothing has no grip, whatever its coordinate's unit",
+          "[optimised]") {
   const double upper = GENERATE(0.04, 1.0, 2.1, 255.0);  // for 40 mm
   ToolDescription tool = parallel_gripper();
   for (Link& jaw : tool.links) jaw.upper = jaw.parent < 0 ? jaw.upper : upper;
@@ -199,7 +204,8 @@ TEST_CASE("At its limit a jaw that touches nothing has no grip, whatever its coo
   CHECK(model.drives().grip() == 0);
 }
 
-TEST_CASE("The device's gripper gets the virtual work of what it leads, each by its own stroke") {
+TEST_CASE("The device's gripper gets the virtual work of what it leads, each by its own stroke",
+          "[optimised]") {
   Bench bench(0.021);
   JointDrive drive = servo(0.012);
   drive.follows_device = true;

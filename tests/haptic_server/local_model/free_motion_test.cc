@@ -129,7 +129,8 @@ TEST_CASE("A spinning tool of unequal moments of inertia keeps momentum and ener
   CHECK(kinetic_energy(model.proxy(), model.velocity()) == Approx(energy).epsilon(1e-6));
 }
 
-TEST_CASE("A double pendulum keeps kinetic and potential energy together within 1 % for 10 s") {
+TEST_CASE("A double pendulum keeps kinetic and potential energy together within 1 % for 10 s",
+          "[optimised]") {
   ToolDescription tool;
   for (int i = 0; i < 2; ++i) {
     Link link;

@@ -98,7 +98,8 @@ TEST_CASE("A bar that swings against its stop collides once and rebounds by its 
   CHECK(model.velocity()[0] < -0.75 * 3 * parameters.restitution + 0.1);  // rad/s
 }
 
-TEST_CASE("A limit between two links acts on both: momentum stays, energy does not grow") {
+TEST_CASE("A limit between two links acts on both: momentum stays, energy does not grow",
+          "[optimised]") {
   test::Random random;
   const ToolDescription tool = nunchaku();
   ToolModel start(tool);

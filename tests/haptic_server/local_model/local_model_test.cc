@@ -165,7 +165,7 @@ TEST_CASE(
   CHECK(model.healing_tank() <= begin + std::max(0.0, paid) + 1e-9);  // J
 }
 
-TEST_CASE("A contact that closes begins without energy, at 1 MN/m too") {
+TEST_CASE("A contact that closes begins without energy, at 1 MN/m too", "[optimised]") {
   test::Random random;
   LocalModelParameters parameters;
   parameters.stiffness = 1e6;

@@ -10,6 +10,7 @@
 #include "hlm/haptic_server/local_model/local_model.h"
 #include "hlm/haptic_server/scene/scene.h"
 #include "tests/support/catch.h"
+#include "tests/support/placed_shape.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"
 
@@ -82,15 +83,6 @@ TEST_CASE("Steps and updates with the most bodies and contacts allocate nothing 
   CHECK(model->velocity().allFinite());
 }
 
-PlacedShape placed(const geometry::AnyShape& shape, const ContactSide& side, const Pose& X_BS) {
-  const auto use =
-      side.kind == SideKind::kWorld ? geometry::MeshUse::kSolids : geometry::MeshUse::kPieces;
-  return {
-      .shape = std::make_shared<const geometry::ShapeParts>(parts_of(shape, "of the test", use)),
-      .side = side,
-      .X_BS = X_BS};
-}
-
 /// A box as tool between movable ones on a floor, and a wavy skin beside them. held: it says enough
 /// of them to move them.
 std::unique_ptr<Scene> crowded_scene(const ToolDescription& tool, bool held) {
@@ -99,12 +91,12 @@ std::unique_ptr<Scene> crowded_scene(const ToolDescription& tool, bool held) {
   skin.points = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0.5, 0.5, -0.1}};
   skin.triangles = {{0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}};
   std::vector<PlacedShape> shapes{
-      placed(box, {SideKind::kToolLink, 0}, Pose{}),
-      placed(geometry::Shape(geometry::HalfSpace{}), {}, {{0, 0, -0.05}, {}}),
-      placed(skin, {}, {{-0.5, -0.5, -0.049}, {}})};
+      test::placed(box, {SideKind::kToolLink, 0}, Pose{}),
+      test::placed(geometry::Shape(geometry::HalfSpace{}), {}, {{0, 0, -0.05}, {}}),
+      test::placed(skin, {}, {{-0.5, -0.5, -0.049}, {}})};
   std::vector<BodyInertia> inertias;
   for (std::uint32_t i = 0; i < kMaxMovedBodies; ++i) {
-    shapes.push_back(placed(box, {SideKind::kMovableBody, i}, Pose{}));
+    shapes.push_back(test::placed(box, {SideKind::kMovableBody, i}, Pose{}));
     if (held) inertias.push_back({.body = i, .mass = 1, .I_BCom = Matrix3::Identity()});
   }
   return std::make_unique<Scene>(std::move(shapes),

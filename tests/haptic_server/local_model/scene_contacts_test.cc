@@ -9,6 +9,7 @@
 
 #include "hlm/haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
+#include "tests/support/placed_shape.h"
 #include "tests/support/random_tool.h"
 
 namespace hlm::server {
@@ -17,14 +18,9 @@ namespace {
 constexpr double kStep = 1e-3;  // s
 constexpr std::uint32_t kBody = 7;
 
-PlacedShape placed(geometry::AnyShape shape, ContactSide side, const Vector3& p = Vector3::Zero()) {
-  PlacedShape one;
-  one.shape = std::make_shared<geometry::ShapeParts>(
-      geometry::parts_of(std::move(shape), "test", geometry::MeshUse::kSolids));
-  one.side = side;
-  one.X_BS.p = p;
-  one.friction = {0};
-  return one;
+PlacedShape placed(const geometry::AnyShape& shape, ContactSide side,
+                   const Vector3& p = Vector3::Zero()) {
+  return test::placed(shape, side, {p, Quaternion::Identity()}, {0});
 }
 
 PlacedShape ball() {
@@ -132,8 +128,8 @@ geometry::Mesh sheet(double height) {
   return mesh;
 }
 
-TEST_CASE(
-    "A sheet holds a ball of 2 mm and a plate of 0.5 mm that are pressed in deeper than that") {
+TEST_CASE("A sheet holds a ball of 2 mm and a plate of 0.5 mm that are pressed in deeper than that",
+          "[optimised]") {
   for (const double stiffness : {4000.0, 1000.0}) {
     const auto held = [&](const geometry::Shape& shape, double touching, const Vector3& at) {
       Model m({placed(shape, {SideKind::kToolLink, 0}), placed(sheet(0), {})},

@@ -8,6 +8,7 @@
 
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
+#include "tests/support/placed_shape.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"
 
@@ -17,6 +18,7 @@ namespace {
 using Catch::Matchers::ContainsSubstring;
 using geometry::AnyShape;
 using geometry::FoundContact;
+using test::placed;
 
 constexpr double kEpsilon = 0.01;  // m
 constexpr ContactSide kWorld{SideKind::kWorld, 0};
@@ -24,15 +26,6 @@ constexpr ContactSide kTool{SideKind::kToolLink, 0};
 constexpr ContactSide kBody{SideKind::kMovableBody, 7};
 
 Pose at(double x, double y = 0, double z = 0) { return {{x, y, z}, Quaternion::Identity()}; }
-
-PlacedShape placed(const AnyShape& shape, const ContactSide& side, const Pose& X_BS = {}) {
-  const auto use =
-      side.kind == SideKind::kWorld ? geometry::MeshUse::kSolids : geometry::MeshUse::kPieces;
-  return {
-      .shape = std::make_shared<const geometry::ShapeParts>(parts_of(shape, "of the test", use)),
-      .side = side,
-      .X_BS = X_BS};
-}
 
 /// With a radius or half an edge of 0.1 m.
 AnyShape ball() { return geometry::Shape(geometry::Sphere{0.1}); }
