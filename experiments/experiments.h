@@ -17,7 +17,6 @@ void approach_map(Bench& bench);           ///< Perceived wall and drift over ap
 void near_shapes(Bench& bench);            ///< The geometry near the hand in the server.
 void ocean(Bench& bench);                  ///< What a hand perceives across an ocean.
 void roams(Bench& bench);                  ///< A peg about the testbed's hole.
-void posts(Bench& bench);                  ///< A rod among posts.
 void hand_observer(Bench& bench);          ///< The hand measured, observed, unknown.
 void spatial(Bench& bench);                ///< Six degrees of freedom.
 void linkages(Bench& bench);               ///< Tools of several links.

@@ -47,7 +47,6 @@ constexpr Experiment kExperiments[] = {
     {"shapes", near_shapes, 0.3},
     {"ocean", ocean, 0.1, true, true},
     {"roams", roams, 0.4},
-    {"posts", posts, 0.13},
     {"bodies", bodies, 0.1},
     {"bodylimits", body_limits, 0.1, false, true},
     {"holding", holding, 0.45},

@@ -62,7 +62,6 @@ SECTIONS = {
     "shapes": "The geometry near the hand in the server, across delays",
     "ocean": "Across an ocean: what a hand perceives, over the round trip",
     "roams": "A peg about the testbed's hole: the same in motion, tick by tick",
-    "posts": "A rod among posts",
     "observer": "A hand that is not measured",
     "spatial": "Six degrees of freedom",
     "collisions": "Collisions and friction",
@@ -136,8 +135,6 @@ INTRODUCTION = {
     "5 rad/s, or pushed about the room with up to 7 N, the environment at 30 to 60 Hz. In each tick the force is held "
     "against the walls as they are. Left: the share of ticks with more than 0.5 N where no wall is within 0.3 mm, of led "
     "pegs. Middle: how deep they get. Right: in how many runs a pushed peg's middle gets into a wall.",
-    "posts": "A rod of 10 mm is led at up to 0.5 m/s over rows of posts or balls, 3 mm above them, and down between them; the "
-    "environment at 30 to 60 Hz. It touches none: bars are the share of ticks with more than 0.5 N.",
     "observer": "Four channels on a device with encoder steps of 0.05 mm, a filtered velocity and 0 to 3 ticks of delay: "
     "the hand's wrench measured, observed from the motion, or unknown. Left: what a hand that shakes the handle "
     "in free motion feels as its mass; device and proxy have 1 kg each. Middle: how far the hand's force, as the server knows it, is from "
@@ -567,16 +564,6 @@ def draw_roams(folder):
     return figure
 
 
-def draw_posts(folder):
-    rows = read_table(folder / "posts.csv")
-    figure, axes = panels(2, 4)
-    for axis, name, title in zip(axes, ("shapes", "planes"), ("shapes", "planes, ε = 5 mm")):
-        draw_bars(axis, [row for row in rows if row["contacts"] == name], "posts", mean_percent("ghosts"),
-                  "ticks with force from nothing, %")
-        axis.set_title(title)
-    return figure
-
-
 def draw_spatial(folder):
     figure, axes = panels(3, 4)
     hole = read_table(folder / "spatial_hole_series.csv")
@@ -817,7 +804,6 @@ DRAW = {
     "shapes": draw_shapes,
     "ocean": draw_ocean,
     "roams": draw_roams,
-    "posts": draw_posts,
     "observer": draw_observer,
     "spatial": draw_spatial,
     "collisions": draw_collisions,

@@ -21,7 +21,7 @@ from ssh_bed import SshBed
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 SWEEP = pathlib.Path(__file__).resolve().parents[2] / "scripts/sweep"
 # Some 400 cells, 20 s of one core.
-MIXED = ["fig06", "fig09", "fig16", "updates", "collisions", "corners", "posts", "external", "--quick"]
+MIXED = ["fig06", "fig09", "fig16", "updates", "collisions", "corners", "external", "--quick"]
 WAIT = 120  # s
 
 
