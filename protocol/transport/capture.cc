@@ -19,8 +19,7 @@ namespace hlm::protocol {
 namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
-/// Snapshot length as tcpdump's; a packet is never cut.
-constexpr int kSnapshotLength = 262'144;
+constexpr int kSnapshotLength = 262'144;  // As tcpdump's; a packet is never cut.
 
 /// Latest stamp, s since the epoch: in 2262, the last of which the nanoseconds are a number.
 constexpr std::int64_t kLatestStamp =
@@ -49,7 +48,10 @@ std::FILE* stream(gzFile file, const char* mode) {
   std::FILE* const made = fopencookie(
       file, mode,
       {.read = [](void* of, char* bytes, std::size_t size) -> ssize_t {
-         return gzread(static_cast<gzFile>(of), bytes, static_cast<unsigned>(size));
+         errno = 0;
+         const int read = gzread(static_cast<gzFile>(of), bytes, static_cast<unsigned>(size));
+         if (read < 0 && errno == 0) errno = EBADMSG;  // It is damaged.
+         return read;
        },
        .write = [](void* of, const char* bytes, std::size_t size) -> ssize_t {
          return gzwrite(static_cast<gzFile>(of), bytes, static_cast<unsigned>(size));

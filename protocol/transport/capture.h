@@ -25,9 +25,8 @@ struct CapturedDatagram {
   DatagramBytes bytes;
 };
 
-/// Writes a pcap file with stamps in nanoseconds; each datagram in an IPv4 and a UDP header with
-/// right checksums. A process that dies leaves a readable file with all up to its latest flush. A
-/// name that ends in ".gz" is packed as gzip does, to a quarter.
+/// Writes a pcap file, packed by gzip if its name ends in ".gz": stamps in nanoseconds, IPv4 and
+/// UDP headers with right checksums. If the process dies it is readable up to the latest flush.
 class CaptureWriter {
  public:
   /// Replaces an existing file; "-" is standard output. Throws std::runtime_error naming the file
@@ -53,8 +52,7 @@ class CaptureWriter {
 
 /// Reads the IPv4 UDP datagrams of a pcap or pcapng file, packed by gzip or not, in the file's
 /// order. The packets may be raw IP, Ethernet with or without VLAN tags, Linux cooked (SLL, SLL2)
-/// or BSD loopback. Checksums are not verified: a capture on the sender's machine precedes the
-/// network card that fills them in.
+/// or BSD loopback. Checksums are not verified: the sender's network card fills them in later.
 class CaptureReader {
  public:
   /// "-" is standard input. Throws std::runtime_error naming the file if it cannot be read, is not

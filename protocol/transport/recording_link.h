@@ -43,8 +43,8 @@ class RecordingLink final : public DatagramLink {
   /// Channels of the datagrams received since the latest note, in order.
   const Channels& received() const noexcept { return received_; }
 
-  /// Moves what the ring held at the call to the capture, and flushes that if there was anything.
-  /// Returns the number of datagrams. Throws what CaptureWriter::flush throws.
+  /// Moves what the ring held to the capture, and flushes that if there was anything. Returns how
+  /// many datagrams it was. Throws what CaptureWriter::flush throws.
   std::size_t drain(CaptureWriter& capture);
   /// Datagrams that passed but found the ring full.
   std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
