@@ -60,6 +60,8 @@ void fields(Archive& archive, DeviceNote& note) {
   double continuous = std::isfinite(r.continuous_force) ? r.continuous_force : 0;
   archive.appended_f64(continuous);
   r.continuous_force = continuous > 0 ? continuous : DeviceRatings{}.continuous_force;
+  archive.appended_f64(r.max_gripper_force);
+  archive.appended_f64(r.gripper_travel);
 }
 
 template <class Archive>

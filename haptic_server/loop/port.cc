@@ -93,8 +93,8 @@ Fault Port::observe(const DeviceState& device, TickRecord& record) noexcept {
   const Fault beyond = handle_.exceeded(X_WStart_, device.X_WD, device.V_WD, ratings().scale,
                                         ratings().rotation_scale);
   // For how long of a stall the motors were on is not known: only what they may have given counts.
+  grip_.observe(device.gripper, halted_);
   if (halted_ && limiter_.work_until(device.X_WD) < 0) drop();
-  if (device.gripper) grip_.observe(*device.gripper, halted_);
   limiter_.observe(device.X_WD, energy_.supply());
   record.port = limiter_.ledger();
   record.port_bound = limiter_.energy_bound();

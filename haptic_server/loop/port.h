@@ -73,6 +73,8 @@ class Port {
   ForceLimit limited_by() const noexcept { return limiter_.limited_by(); }
   /// That the device gets, N.
   double largest_force() const noexcept { return limiter_.budget().max_force; }
+  /// What gave too much, after Fault::kEnergy.
+  const char* giver() const noexcept { return grip_.overdrawn() ? "by its gripper" : ""; }
   /// Why the device failed.
   const char* cause() const noexcept { return cause_ != nullptr ? cause_ : device_.cause(); }
   /// The exchange in the present tick.

@@ -267,7 +267,7 @@ void Servo::simulate() noexcept {
   const DeviceState* const device = port_.read(session_.step() == 0, record_);
   if (device == nullptr) return fail(Fault::kDevice, port_.cause());
   if (const Fault fault = port_.observe(*device, record_); fault != Fault::kNone) {
-    return fail(fault);
+    return fail(fault, fault == Fault::kEnergy ? port_.giver() : "");
   }
   session_.advance(1);
   const ContactWrench felt = move_proxy(*device);

@@ -31,12 +31,16 @@ class GripPort {
   void settle() noexcept { tank_.settle(); }
   void drop() noexcept { force_ = 0; }
 
-  /// A period ends with that opening, 0 closed to 1 open. halted: the motors may have been off in
-  /// it.
-  void observe(double opening, bool halted) noexcept {
-    const double way = finger_ ? opening * travel_ - *finger_ : 0;
+  /// A period ends with that opening, 0 closed to 1 open; without one there is no force. halted:
+  /// the motors may have been off in it.
+  void observe(std::optional<double> opening, bool halted) noexcept {
+    if (!opening) {
+      drop();
+      return finger_.reset();
+    }
+    const double way = finger_ ? *opening * travel_ - *finger_ : 0;
     if (halted && force_ * way < 0) drop();
-    finger_ = opening * travel_;
+    finger_ = *opening * travel_;
     speed_ = way / dt_;
     tank_.observe({{*finger_, 0, 0}, Quaternion::Identity()}, Wrench(force_ * Wrench::UnitX()),
                   Wrench::Zero(), 0);
@@ -45,9 +49,11 @@ class GripPort {
   const PortLedger& ledger() const noexcept { return tank_.ledger(); }
 
   /// The force to command for the wanted one, N at the finger; positive opens. portion: of it that
-  /// is rendered as force rises and fades. What is not finite gives none.
+  /// is rendered as force rises and fades. What is not finite gives none, nor does a gripper that
+  /// is not read.
   double limit(double wanted, double portion) noexcept {
-    double force = std::isfinite(wanted) ? portion * std::clamp(wanted, -most_, most_) : 0;
+    const bool known = finger_ && std::isfinite(wanted);
+    double force = known ? portion * std::clamp(wanted, -most_, most_) : 0;
     const double allowed = std::max(tank_.allowed_power(), 0.0);
     if (force * speed_ > allowed) force = allowed / speed_;
     return force_ += std::clamp(force - force_, -step_, step_);

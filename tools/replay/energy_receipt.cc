@@ -43,7 +43,7 @@ std::string EnergyReceipt::total() const {
       "the port gave {:.6g} J and took {:.6g} J in {} steps; {:.6g} J of the difference is weight "
       "and moving constraints; beyond that it never gave more than {:.6g} J at a stretch. Given "
       "less taken came to {:.6g} J and {:g} W of the time; the bound is {:.6g} J. Not covered: "
-      "motors, amplifiers, and the delay of the device\n",
+      "a gripper, motors, amplifiers, and the delay of the device\n",
       all_.given, all_.taken, before_->step, before_->port.explained, largest_net_, closest_,
       before_->port_power, before_->port_bound);
 }

@@ -150,7 +150,7 @@ TEST_CASE("The hand feels what pushes the jaws as a whole, whatever their servo 
   CHECK(bench.model.velocity().norm() < 1e-4);
 }
 
-TEST_CASE("Jaws stop at their limits, and a loose one goes where it is pushed", "[optimised]") {
+TEST_CASE("Jaws stop at their limits, and a loose one goes where it is pushed") {
   Bench bench(0.01);
   bench.update({}, {wall(1, 0.01)});
   HandInput hand;

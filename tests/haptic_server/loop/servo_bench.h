@@ -47,6 +47,7 @@ class ScriptedDevice final : public server::Device, private server::GuidedHand {
     return takes_wrenches;
   }
 
+  void grip(double force) noexcept override { gripped = force; }
   const char* cause() const noexcept override { return why; }
 
   server::DeviceRatings rated;
@@ -56,6 +57,7 @@ class ScriptedDevice final : public server::Device, private server::GuidedHand {
   bool enabled = false;
   Pose aligned_to;
   Wrench written = Wrench::Zero();  ///< The latest.
+  double gripped = 0;               ///< Likewise, N.
 
  private:
   void hold(const Pose&) noexcept override { journal_.emplace_back("hold the hand"); }
