@@ -321,6 +321,7 @@ std::string end_of(int status) {
   std::string ended = "the server that this session started has ended";
   if (status != OwnProgram::kUnknown) ended += ", with status " + std::to_string(status);
   if (status == 0) ended += ": it was stopped, or the thread that opened the session ended";
+  if (status == 1 || status == 2) ended += ": its reason, if it gave one, is on standard error";
   return ended;
 }
 

@@ -253,6 +253,45 @@ class Refused(unittest.TestCase):
             haptic.virtual.Server("--rate", "500", "--stiffness", "64000", "--device-option", "delay=4").close()
 
 
+class Worlds(unittest.TestCase):
+    def test_what_is_offered_next_replaces_what_was(self):
+        with virtual_hand.server(PRESS), haptic.Session(tool=haptic.box(0.1, [EDGE] * 3), q=(0, 0, 0.03, 1, 0, 0, 0), rate=RATE) as touch:
+            for floor in (0, -0.002):  # m
+                touch.offer([shapes.half_space(), shapes.box([EDGE] * 3, haptic.TOOL_LINK)], positions=[[0, 0, floor], [0, 0, 0]])
+                end = touch.now + 2.5
+                while touch.now < end:
+                    touch.poll()
+                    touch.sample(touch.q, touch.v, 1 / RATE)
+                    touch.send()
+                self.assertAlmostEqual(floor + EDGE / 2 - touch.q[2], touch.force[2] / (4 * 4000), delta=1e-6)
+                self.assertGreater(touch.force[2], 1)  # N
+
+    def test_a_body_gets_the_impulse_of_the_push_on_it(self):
+        """A block of 2 kg that floats, of which the server has no mass, moves off by what the hand's spring has pushed."""
+        body, gained, mass = haptic.bodies(1), np.zeros(3), 2.0
+        body["id"] = 7
+        body["inverse_inertia"][0][:3, :3] = np.eye(3) / mass
+        with virtual_hand.server(PRESS) as server:
+            with haptic.Session(tool=haptic.box(0.1, [EDGE] * 3), q=(0, 0, 0.03, 1, 0, 0, 0), rate=RATE, gravity=(0, 0, 0)) as touch:
+                while server.now < 2:
+                    touch.poll()
+                    for number, impulse in touch.impulses(1 / RATE).items():
+                        self.assertEqual(number, 7)
+                        gained += impulse[:3]
+                        body["velocity"][0][:3] += impulse[:3] / mass
+                    body["centre"][0] += body["velocity"][0][:3] / RATE
+                    touch.sample(touch.q, touch.v, 1 / RATE)
+                    found = haptic.contacts(1)
+                    found["point"], found["normal"] = (*touch.q[:2], body["centre"][0][2]), (0, 0, 1)
+                    found["separation"] = touch.q[2] - EDGE / 2 - body["centre"][0][2]
+                    found["b_kind"], found["b_index"] = haptic.MOVABLE_BODY, 7
+                    touch.send(touch.track(found, body), body)
+            pushed = with_force(server.ticks)["env_force_z_N"].sum() / 1000  # N s
+        self.assertLess(gained[2], -0.5)
+        self.assertAlmostEqual(gained[2], -pushed, delta=0.1)
+        np.testing.assert_allclose(gained[:2], 0, atol=0.01)
+
+
 class Feel(unittest.TestCase):
     def test_the_hand_s_spring_bears_what_the_floor_gives(self):
         ticks = with_force(press(hand=reach(0.5, 0, 0.015)))

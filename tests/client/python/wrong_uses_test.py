@@ -360,7 +360,7 @@ PYTHON = [
      "there is no haptic_server to start: looked for /tmp"),
     ("HAPTIC_SERVER_PROGRAM is another program", in_environment(
         message_of_own, HAPTIC_SERVER=NOBODY, HAPTIC_SERVER_PROGRAM="/bin/false"),
-     "the server that this session started has ended, with status 1"),
+     "the server that this session started has ended, with status 1: its reason, if it gave one, is on standard error"),
     ("HAPTIC_PAGE_PROGRAM is a folder", in_environment(lambda: session().show(), HAPTIC_PAGE_PROGRAM="/tmp"),
      "there is no haptic_page to start: looked for /tmp"),
     ("HAPTIC_PAGE_PROGRAM is another program", in_environment(lambda: session().show(), HAPTIC_PAGE_PROGRAM="/bin/true"),
