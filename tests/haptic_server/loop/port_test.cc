@@ -26,7 +26,7 @@ struct Session {
     port->allow(true);
     const Fault fault = port->observe(*port->read(false, record), record);
     port->grip(kWanted);
-    port->write(Wrench::Zero(), Wrench::Zero(), Wrench::Zero(), *device.state, record);
+    port->write(Wrench::UnitX(), Wrench::Zero(), Wrench::Zero(), *device.state, record);
     return fault;
   }
   void rise() {
@@ -48,6 +48,8 @@ TEST_CASE("A gripper has its force while it is read, and what it gives in a stal
   session.rise();
   session.port->cut();
   CHECK(session.device.gripped == 0);
+  session.tick(0.5);
+  CHECK(session.device.gripped < 0.1 * kWanted);
   session.rise();
   session.port->begin(Pose{});
   session.tick(0.5);
