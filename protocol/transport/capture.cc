@@ -36,7 +36,7 @@ std::runtime_error file_error(const std::string& action, const std::string& path
 }
 
 /// "-" is the process's standard stream of that number.
-gzFile open(const std::string& action, const std::string& path, const char* mode, int standard) {
+gzFile open_gz(const std::string& action, const std::string& path, const char* mode, int standard) {
   errno = ENOMEM;  // zlib's only other reason.
   const gzFile file = path == "-" ? gzdopen(dup(standard), mode) : gzopen(path.c_str(), mode);
   if (file == nullptr) throw file_error(action, path, std::strerror(errno));
@@ -71,8 +71,8 @@ CaptureWriter::CaptureWriter(const std::filesystem::path& path) : path_(path.str
       pcap_open_dead_with_tstamp_precision(DLT_RAW, kSnapshotLength, PCAP_TSTAMP_PRECISION_NANO),
       &pcap_close);
   // The quickest way to pack, or none.
-  packed_ = open("write", path_, path_.ends_with(".gz") ? "wb1" : "wbT", STDOUT_FILENO);
-  file_.reset(pcap_dump_fopen(format.get(), stream(packed_, "wb")));
+  gz_ = open_gz("write", path_, path_.ends_with(".gz") ? "wb1" : "wbT", STDOUT_FILENO);
+  file_.reset(pcap_dump_fopen(format.get(), stream(gz_, "wb")));
   if (!file_) throw file_error("write", path_, pcap_geterr(format.get()));
   flush();
 }
@@ -94,7 +94,7 @@ void CaptureWriter::write(std::int64_t time_ns, const Endpoint& from, const Endp
 }
 
 void CaptureWriter::flush() {
-  const bool flushed = pcap_dump_flush(file_.get()) == 0 && gzflush(packed_, Z_SYNC_FLUSH) == Z_OK;
+  const bool flushed = pcap_dump_flush(file_.get()) == 0 && gzflush(gz_, Z_SYNC_FLUSH) == Z_OK;
   if (!flushed || std::ferror(pcap_dump_file(file_.get())) != 0) {
     throw file_error("write", path_, "the system refuses more data (is the disk full?)");
   }
@@ -105,7 +105,7 @@ void CaptureReader::Close::operator()(pcap* file) const noexcept { pcap_close(fi
 CaptureReader::CaptureReader(const std::filesystem::path& path) : path_(path.string()) {
   std::array<char, PCAP_ERRBUF_SIZE> why{};
   std::unique_ptr<std::FILE, decltype(&std::fclose)> unpacked(
-      stream(open("read", path_, "rb", STDIN_FILENO), "rb"), &std::fclose);
+      stream(open_gz("read", path_, "rb", STDIN_FILENO), "rb"), &std::fclose);
   file_.reset(pcap_fopen_offline_with_tstamp_precision(unpacked.get(), PCAP_TSTAMP_PRECISION_NANO,
                                                        why.data()));
   if (file_) static_cast<void>(unpacked.release());  // It closes it.

@@ -46,7 +46,7 @@ class CaptureWriter {
   };
 
   std::string path_;
-  gzFile_s* packed_;  ///< What file_ writes to, packed or not; it closes it.
+  gzFile_s* gz_;  ///< What file_ writes to, and closes.
   std::unique_ptr<pcap_dumper, Close> file_;
 };
 

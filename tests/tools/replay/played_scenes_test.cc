@@ -141,6 +141,20 @@ TEST_CASE("A scene that cannot be made again is named with the reason, until the
   CHECK(played.poll() == nullptr);
 }
 
+TEST_CASE(
+    "A device's note has its gripper, by whose faults a session can end, and an older one none") {
+  DeviceNote note;
+  note.ratings.max_gripper_force = 8;
+  note.ratings.gripper_travel = 0.025;
+  const protocol::DatagramBytes bytes = encode(note);
+  DeviceNote decoded;
+  REQUIRE(decode(protocol::view(bytes), decoded));
+  CHECK(decoded.ratings.max_gripper_force == 8);
+  CHECK(decoded.ratings.gripper_travel == 0.025);
+  REQUIRE(decode(protocol::view(bytes).first(bytes.size() - 2 * sizeof(double)), decoded = {}));
+  CHECK(decoded.ratings.max_gripper_force == 0);
+}
+
 TEST_CASE("A tick's note says the scene and its chunks, and one without them says none") {
   TickNote note{.tick = 7, .scene = {.number = 3, .chunks = 5}};
   note.received.push_back(9);
